@@ -1,0 +1,1 @@
+"""Image to Detection or Rejected: board finders and sub-pixel refinement."""

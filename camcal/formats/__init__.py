@@ -1,0 +1,1 @@
+"""Every file that camcal reads or writes."""

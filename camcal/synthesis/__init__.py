@@ -1,0 +1,1 @@
+"""Scenario to rendered views with exact truth: poses, pattern coverage, sensor."""

@@ -1,0 +1,1 @@
+"""New cameras, maps and valid masks that take the lens out of an image."""
