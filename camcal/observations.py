@@ -165,3 +165,66 @@ class ViewRecord:
     def used(self) -> bool:
         """Whether the view went into the solve."""
         return not self.reason
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Calibration:
+    """A solved camera with everything that led to it.
+
+    Attributes
+    ----------
+    camera : Camera
+    free : tuple of str
+        Names of the intrinsics that were solved for, in the order of `camera.intrinsic_names`.
+    covariance : ndarray of shape (F, F)
+        Covariance of the free intrinsics, in the squares of their units.
+    detections : tuple of Detection
+        The views that were used, sorted by source.
+    poses : tuple of Pose
+        T_cam_board of each of them.
+    pose_sigmas : ndarray of shape (V, 6)
+        Standard deviations of each view's rvec (radians) and t (metres).
+    residuals_px : tuple of ndarray
+        Seen minus projected corner of each view, shape (N, 2), pixels.
+    rejected : tuple of Rejected
+        The images that gave no view.
+    """
+
+    camera: Camera
+    free: tuple[str, ...]
+    covariance: FloatArray
+    detections: tuple[Detection, ...]
+    poses: tuple[Pose, ...]
+    pose_sigmas: FloatArray
+    residuals_px: tuple[FloatArray, ...]
+    rejected: tuple[Rejected, ...] = ()
+
+    def __post_init__(self) -> None:
+        free, views = len(self.free), len(self.detections)
+        object.__setattr__(self, "covariance", frozen_floats(self.covariance, (free, free), "covariance"))
+        object.__setattr__(self, "pose_sigmas", frozen_floats(self.pose_sigmas, (views, 6), "pose_sigmas"))
+        residuals = tuple(
+            frozen_floats(residual, (len(detection), 2), "residuals_px")
+            for residual, detection in zip(self.residuals_px, self.detections, strict=True)
+        )
+        object.__setattr__(self, "residuals_px", residuals)
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square of the 2-D residual length over all corners, pixels (OpenCV's figure)."""
+        return _rms(np.concatenate(self.residuals_px))
+
+    @property
+    def view_rms_px(self) -> tuple[float, ...]:
+        """The same for each view."""
+        return tuple(_rms(residual) for residual in self.residuals_px)
+
+    @property
+    def corner_count(self) -> int:
+        """Number of corners in the solve."""
+        return sum(len(detection) for detection in self.detections)
+
+
+def _rms(residual_px: FloatArray) -> float:
+    """Root mean square length of the rows of (N, 2)."""
+    return float(np.sqrt((residual_px**2).sum(axis=1).mean()))

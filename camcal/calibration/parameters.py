@@ -1,0 +1,63 @@
+"""Which intrinsics are solved for."""
+
+from __future__ import annotations
+
+import difflib
+
+from camcal.errors import InputError
+
+PINHOLE = ("fx", "fy", "cx", "cy")
+"""Always free; skew stays 0, because cv2.calibrateCamera cannot start from anything else."""
+
+_COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+DEFAULT_DISTORTION = ("k1", "k2", "k3")
+
+
+def parse_distortion(text: str) -> tuple[str, ...]:
+    """Read a list of free distortion coefficients such as `k1,k2,k3`, or `none`.
+
+    Parameters
+    ----------
+    text : str
+        Names separated by commas, in any order; p1 and p2 only together.
+
+    Returns
+    -------
+    tuple of str
+        The names in stored order (k1, k2, p1, p2, k3, k4, k5, k6).
+
+    Raises
+    ------
+    InputError
+        For an unknown or repeated name, or only one of p1 and p2.
+
+    Examples
+    --------
+    >>> parse_distortion("k2,k1")
+    ('k1', 'k2')
+    """
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    if names == ["none"]:
+        return ()
+    for name in names:
+        if name not in _COEFFICIENTS:
+            near = difflib.get_close_matches(name, _COEFFICIENTS, n=1, cutoff=0.3)
+            hint = f" Did you mean {near[0]}?" if near else ""
+            raise InputError(
+                f"--distortion: unknown coefficient (got {name!r}, expected some of {', '.join(_COEFFICIENTS)}).{hint}"
+            )
+    if not names or len(set(names)) != len(names):
+        raise InputError(f"--distortion: each coefficient once (got {text!r}, expected e.g. 'k1,k2,k3' or 'none').")
+    if ("p1" in names) != ("p2" in names):
+        raise InputError(f"--distortion: p1 and p2 go together (got {text!r}). Name both or neither.")
+    return tuple(name for name in _COEFFICIENTS if name in names)
+
+
+def free_names(distortion: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of all free intrinsics, in the order of `Camera.intrinsic_names`."""
+    return PINHOLE + tuple(name for name in _COEFFICIENTS if name in distortion)
+
+
+def distortion_names(free: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the free distortion coefficients among all free intrinsics."""
+    return tuple(name for name in free if name not in PINHOLE)
