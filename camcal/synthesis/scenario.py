@@ -24,9 +24,10 @@ class PoseSampling:
     roll_deg : Range
         Turn of the board about its normal.
     fill : Range
-        Board's longer projected extent as a share of the image's same extent: its distance, camera-independent.
+        How much of the image the print spans, as the larger of its share of the width and its share of the height: its
+        distance, camera-independent. Of a partial board: the share if it stood in the middle, so that it may exceed 1.
     partial : bool
-        Whether a board may leave the frame (never with a checkerboard, whose detection needs all of it).
+        Whether a board may leave the frame (never a checkerboard, whose detection needs all of it).
     """
 
     count: int = 20
@@ -69,7 +70,7 @@ class Sensor:
     blur_sigma_px : float
         Standard deviation of the Gaussian point spread of the continuous image (the pixel's own area not included); 0 for none.
     defocus_radius_px : float
-        Radius of a uniform disc of defocus; 0 for none. At most one of the two blurs is used.
+        Radius of a uniform disc of defocus; 0 for none. The image is blurred by both.
     read_noise_levels : float
         Standard deviation of the signal-independent noise in 8-bit levels of the linear signal.
     full_well_electrons : float
