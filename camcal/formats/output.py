@@ -1,0 +1,101 @@
+"""Files and folders written: whole or not at all, and never over somebody's work unasked."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from camcal.errors import InputError
+
+
+def write_atomically(path: str | Path, content: bytes | str) -> None:
+    """Write a file under a temporary name in its own folder, then rename it.
+
+    Whatever interrupts the writing, Ctrl-C included, the file is either complete, as it was before, or absent, and the
+    temporary one is gone.
+
+    Parameters
+    ----------
+    path : str or Path
+    content : bytes or str
+        Text is written as UTF-8 with its line ends as they are.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    target = Path(path)
+    data = content.encode() if isinstance(content, str) else content
+    temporary = target.with_name(f".camcal-{os.urandom(8).hex()}.tmp")
+    try:
+        try:
+            temporary.write_bytes(data)
+            temporary.replace(target)
+        except BaseException:
+            temporary.unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        raise _unwritable(target, error) from None
+
+
+def claim_folder(path: str | Path, force: bool = False) -> Path:
+    """Make sure that a folder exists, may be written to, and holds nothing that would be lost.
+
+    Parameters
+    ----------
+    path : str or Path
+        Created with its parents if it is not there.
+    force : bool
+        Accept a folder that has files in it (they stay; those of the same name are replaced one by one).
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    InputError
+        If it has content and `force` is not given, a file stands in the way, or it cannot be written.
+    """
+    folder = Path(path)
+    try:
+        if folder.exists() and not folder.is_dir():
+            raise InputError(f"{folder}: a file stands where the output folder should be. Choose another folder.")
+        if not force and folder.is_dir() and next(folder.iterdir(), None) is not None:
+            raise InputError(f"{folder}: output folder is not empty. Choose another one, or write into it with --force.")
+        folder.mkdir(parents=True, exist_ok=True)
+        # Only an attempt tells: permissions, read-only media and quotas have nothing else in common.
+        probe = folder / f".camcal-{os.urandom(8).hex()}.tmp"
+        try:
+            probe.touch()
+        finally:
+            probe.unlink(missing_ok=True)
+    except OSError as error:
+        raise _unwritable(folder, error) from None
+    return folder
+
+
+def claim_file(path: str | Path, force: bool = False) -> Path:
+    """Make sure that a file may be written and nothing is lost by it; its folder is created.
+
+    Raises
+    ------
+    InputError
+        If the file exists and `force` is not given, it is a folder, or its folder cannot be written.
+    """
+    file = Path(path)
+    try:
+        if file.is_dir():
+            raise InputError(f"{file}: a folder (expected a file to write). Add a file name.")
+        if file.exists() and not force:
+            raise InputError(f"{file}: output file exists. Choose another name, or replace it with --force.")
+    except OSError as error:
+        raise _unwritable(file, error) from None
+    claim_folder(file.parent, force=True)
+    return file
+
+
+def _unwritable(path: Path, error: OSError) -> InputError:
+    return InputError(f"{path}: cannot be written ({(error.strerror or str(error)).lower()}). Choose another place.")

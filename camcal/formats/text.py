@@ -1,0 +1,80 @@
+"""Text files read with their faults named, and text shown on one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from camcal.errors import InputError
+
+_LONGEST_SHOWN = 60
+
+
+def read_bytes(path: str | Path, most_bytes: int | None = None) -> bytes:
+    """Read a file that must not be empty.
+
+    Parameters
+    ----------
+    path : str or Path
+    most_bytes : int or None
+        Refuse a bigger file before it is read.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, a folder, unreadable, empty or too big.
+    """
+    file = Path(path)
+    try:
+        if file.is_dir():
+            raise InputError(f"{path}: a folder (expected a file). Name a file in it.")
+        if not file.exists():
+            raise InputError(f"{path}: no such file. Check the path.")
+        if file.is_char_device() or file.is_block_device():
+            raise InputError(f"{path}: a device (expected a file). Name a file.")
+        if most_bytes is not None and file.stat().st_size > most_bytes:
+            raise InputError(f"{path}: too big (got {file.stat().st_size} bytes, expected at most {most_bytes})")
+        content = file.read_bytes()
+    except OSError as error:
+        raise unreadable(path, error) from None
+    if not content:
+        raise InputError(f"{path}: empty file (0 bytes). Write or copy it again.")
+    return content
+
+
+def read_text(path: str | Path, most_bytes: int) -> str:
+    """Read a UTF-8 text file, with or without a byte order mark.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, is too big, or is not UTF-8.
+    """
+    content = read_bytes(path, most_bytes)
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise InputError(f"{path}:{line}: not UTF-8 text (byte {content[error.start]:#04x}). Save it as UTF-8.") from None
+    if not text.strip():
+        raise InputError(f"{path}: empty file (only white space). Write or copy it again.")
+    return text
+
+
+def file_in(path: str | Path, name: str) -> Path:
+    """Return the file of a name within a folder, or the path itself if it is none."""
+    try:
+        return Path(path) / name if Path(path).is_dir() else Path(path)
+    except OSError:
+        return Path(path)
+
+
+def shown(value: Any) -> str:
+    """Write a value on one line, shortened: text in quotes, the rest as Python writes it."""
+    text = repr(str(value)) if isinstance(value, (str, Path)) else repr(value)
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[: _LONGEST_SHOWN - 3]}..."
+
+
+def unreadable(path: str | Path, error: OSError) -> InputError:
+    """Build the error for a path that the system does not let us read."""
+    return InputError(f"{path}: cannot be read ({(error.strerror or str(error)).lower()}). Check the path and its permissions.")
