@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from camcal.geometry.arrays import BoolArray, FloatArray, frozen_floats
-from camcal.geometry.distortion import BrownConrady, Lens
+from camcal.geometry.distortion import BrownConrady
+from camcal.geometry.lens import Lens
 
 PINHOLE_NAMES = ("fx", "fy", "cx", "cy", "skew")
 """Names of the intrinsics that K holds, in the order of `Camera.intrinsics`."""
@@ -30,7 +31,7 @@ class Camera:
     Raises
     ------
     ValueError
-        If the size is not positive, or K is not upper triangular with positive focal lengths and a last row of 0 0 1.
+        If the size is not positive and whole, or K is not upper triangular with positive focal lengths and a last row of 0 0 1.
 
     Examples
     --------
@@ -45,8 +46,8 @@ class Camera:
 
     def __init__(self, size: tuple[int, int], K: npt.ArrayLike, dist: npt.ArrayLike | Lens = ()) -> None:
         width, height = (int(n) for n in size)
-        if width < 1 or height < 1:
-            raise ValueError(f"size: not an image size (got {width} x {height}, expected positive width and height)")
+        if width < 1 or height < 1 or (width, height) != tuple(size):
+            raise ValueError(f"size: not an image size (got {size[0]} x {size[1]}, expected whole positive width and height)")
         matrix = frozen_floats(K, (3, 3), "K")
         if matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or matrix[1, 0] != 0 or matrix[2].tolist() != [0, 0, 1]:
             raise ValueError(
@@ -114,7 +115,10 @@ class Camera:
             Rays in the camera frame with z = 1; NaN where the lens lets nothing valid reach the pixel.
         """
         ideal = self.lens.undistort(self.normalised_from_pixels(pixels))
-        return np.concatenate([ideal, np.where(np.isnan(ideal[..., :1]), np.nan, 1.0)], axis=-1)
+        rays = np.empty((*ideal.shape[:-1], 3))
+        rays[..., :2] = ideal
+        rays[..., 2] = np.where(np.isnan(ideal[..., 0]), np.nan, 1.0)
+        return rays
 
     def project_with_jacobians(self, points_cam: npt.ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Project points and differentiate the pixels; the lens's formula is used past its fold too.
@@ -136,20 +140,25 @@ class Camera:
         points = np.asarray(points_cam, dtype=np.float64)
         ideal = _normalised(points)
         distorted = self.lens.distort_unchecked(ideal)
-        A = self.K[:2, :2]
-        d_ideal = A @ self.lens.jacobian_points(ideal)
-        inverse_z = np.where(points[..., 2] > 0, 1 / np.where(points[..., 2] > 0, points[..., 2], 1), np.nan)
-        d_point = np.empty((*points.shape[:-1], 2, 3))
-        d_point[..., :2] = d_ideal * inverse_z[..., None, None]
-        d_point[..., 2] = -(d_point[..., :2] @ ideal[..., None])[..., 0]
-        d_intrinsics = np.zeros((*points.shape[:-1], 2, len(self.intrinsic_names)))
+        z = np.where(points[..., 2] > 0, points[..., 2], np.nan)
+        d_point = np.empty((*z.shape, 2, 3))
+        d_point[..., :2] = self._pixels_per(self.lens.jacobian_points(ideal)) / z[..., None, None]
+        d_point[..., 2] = -(d_point[..., :2] * ideal[..., None, :]).sum(axis=-1)
+        d_intrinsics = np.zeros((*z.shape, 2, len(self.intrinsic_names)))
         d_intrinsics[..., 0, 0] = distorted[..., 0]
-        d_intrinsics[..., 1, 1] = distorted[..., 1]
+        d_intrinsics[..., 0, 4] = d_intrinsics[..., 1, 1] = distorted[..., 1]
         d_intrinsics[..., 0, 2] = d_intrinsics[..., 1, 3] = 1
-        d_intrinsics[..., 0, 4] = distorted[..., 1]
-        d_intrinsics[..., 5:] = A @ self.lens.jacobian_coefficients(ideal)
-        d_intrinsics[np.isnan(inverse_z)] = np.nan
+        d_intrinsics[..., len(PINHOLE_NAMES) :] = self._pixels_per(self.lens.jacobian_coefficients(ideal))
+        d_intrinsics[np.isnan(z)] = np.nan
         return self.pixels_from_normalised(distorted), d_point, d_intrinsics
+
+    def _pixels_per(self, d_distorted: FloatArray) -> FloatArray:
+        """Apply the linear part of K to derivatives (..., 2, M) of distorted normalised coordinates, in place."""
+        d_distorted[..., 0, :] *= self.K[0, 0]
+        if self.K[0, 1] != 0:
+            d_distorted[..., 0, :] += self.K[0, 1] * d_distorted[..., 1, :]
+        d_distorted[..., 1, :] *= self.K[1, 1]
+        return d_distorted
 
     def pixels_from_normalised(self, distorted: npt.ArrayLike) -> FloatArray:
         """Apply K to distorted normalised coordinates of shape (..., 2)."""
@@ -187,8 +196,9 @@ class Camera:
 
     @property
     def valid_radius_px(self) -> float:
-        """Distance from the principal point at which the lens turns back, in pixels along the shorter focal length; or inf."""
-        return self.lens.valid_radius_distorted * float(min(self.K[0, 0], self.K[1, 1]))
+        """Distance in pixels from the principal point up to which every pixel has a ray; inf if the lens never turns back."""
+        # K turns a circle into an ellipse; its half short axis is the smallest singular value.
+        return self.lens.valid_radius_distorted * float(np.linalg.norm(self.K[:2, :2], -2))
 
     @property
     def field_of_view_deg(self) -> tuple[float, float, float]:
@@ -216,5 +226,6 @@ def _normalised(points_cam: npt.ArrayLike) -> FloatArray:
     """X / Z, Y / Z of points (..., 3); NaN where Z <= 0."""
     points = np.asarray(points_cam, dtype=np.float64)
     z = points[..., 2:]
-    ideal: FloatArray = points[..., :2] / np.where(z > 0, z, np.nan)
+    with np.errstate(over="ignore"):
+        ideal: FloatArray = points[..., :2] / np.where(z > 0, z, np.nan)
     return ideal

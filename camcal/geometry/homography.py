@@ -1,6 +1,6 @@
 """What a pinhole does to planes, directions and angles: plane homography, vanishing points, horizon, field of view.
 
-Source of the formulas: Hartley and Zisserman 2004, "Multiple View Geometry", sections 8.1 and 8.6.
+Source of the formulas: Hartley and Zisserman 2004, "Multiple View Geometry", sections 8.1.1 and 8.6.
 """
 
 from __future__ import annotations
@@ -10,6 +10,9 @@ import numpy.typing as npt
 
 from camcal.geometry.arrays import FloatArray
 from camcal.geometry.pose import Pose
+
+# Ratio of singular values at which points count as degenerate: three of four within some 1e-4 px of a line.
+_DEGENERATE = 1e-7
 
 
 def plane_homography(K: npt.ArrayLike, T_cam_plane: Pose) -> FloatArray:
@@ -99,18 +102,21 @@ def homography_from_points(source: npt.ArrayLike, target: npt.ArrayLike) -> Floa
     Parameters
     ----------
     source, target : array_like of shape (N, 2)
-        At least four correspondences in general position.
+        At least four correspondences, no three of four on a line.
 
     Returns
     -------
     ndarray of shape (3, 3)
-        Scaled so that source points map to a positive third coordinate; NaN when the points are degenerate.
+        Signed so that source points map to a positive third coordinate; NaN when the points are degenerate, too few
+        or not finite.
 
     Notes
     -----
     Hartley and Zisserman 2004, algorithm 4.2.
     """
     a, b = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
+    if len(a) < 4 or not (np.isfinite(a).all() and np.isfinite(b).all()):
+        return np.full((3, 3), np.nan)
     Ta, Tb = _centring(a), _centring(b)
     x, y = (a @ Ta[:2, :2] + Ta[:2, 2]).T
     u, v = (b @ Tb[:2, :2] + Tb[:2, 2]).T
@@ -120,12 +126,12 @@ def homography_from_points(source: npt.ArrayLike, target: npt.ArrayLike) -> Floa
     system = np.concatenate([rows_u, rows_v])
     if not np.isfinite(system).all():
         return np.full((3, 3), np.nan)
-    _, singular, vectors = np.linalg.svd(system.T @ system)
-    if singular[7] <= 1e-14 * singular[0]:
+    # The triangular factor has the same right singular vectors and stays small however many points there are.
+    _, singular, vectors = np.linalg.svd(np.linalg.qr(system, mode="r"))
+    if singular[7] <= _DEGENERATE * singular[0]:
         return np.full((3, 3), np.nan)
     H: FloatArray = np.linalg.inv(Tb) @ vectors[-1].reshape(3, 3) @ Ta
-    facing: FloatArray = H * np.sign(np.median(a @ H[2, :2] + H[2, 2]))
-    return facing
+    return -H if np.median(a @ H[2, :2] + H[2, 2]) < 0 else H
 
 
 def _centring(points: FloatArray) -> FloatArray:

@@ -10,7 +10,8 @@ import numpy.typing as npt
 from camcal.geometry.arrays import FloatArray, frozen_floats
 
 _ORTHONORMAL_TOLERANCE = 1e-6
-_SMALL_ANGLE_RAD = 1e-4
+# Here the series' first neglected term and the cancellation it avoids are both below 1e-13.
+_SERIES_BELOW_RAD = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -160,7 +161,7 @@ def rotate_with_jacobian(rvec: npt.ArrayLike, points: npt.ArrayLike) -> tuple[Fl
     rotated : ndarray of shape (..., N, 3)
         R(rvec) X.
     jacobian : ndarray of shape (..., N, 3, 3)
-        d(R X) / d rvec = -R [X]x Jr, Jr the right Jacobian of SO(3) (Sola 2018, "A micro Lie theory", eq. 143).
+        d(R X) / d rvec = -[R X]x Jl, Jl the left Jacobian of SO(3) (Sola et al. 2018, "A micro Lie theory", eq. 145).
     """
     v = np.asarray(rvec, dtype=np.float64)
     X = np.asarray(points, dtype=np.float64)
@@ -168,8 +169,8 @@ def rotate_with_jacobian(rvec: npt.ArrayLike, points: npt.ArrayLike) -> tuple[Fl
     rotated: FloatArray = X @ np.swapaxes(R, -1, -2)
     theta = np.linalg.norm(v, axis=-1)[..., None, None]
     V = cross_matrix(v)
-    right = np.eye(3) - 0.5 * _sinc(theta / 2) ** 2 * V + _cubic_remainder(theta) * (V @ V)
-    jacobian: FloatArray = -(R[..., None, :, :] @ cross_matrix(X)) @ right[..., None, :, :]
+    left = np.eye(3) + 0.5 * _sinc(theta / 2) ** 2 * V + _cubic_remainder(theta) * (V @ V)
+    jacobian: FloatArray = -cross_matrix(rotated) @ left[..., None, :, :]
     return rotated, jacobian
 
 
@@ -190,8 +191,8 @@ def _sinc(theta: FloatArray) -> FloatArray:
 
 def _cubic_remainder(theta: FloatArray) -> FloatArray:
     """(θ - sin θ) / θ³, by its series where the difference cancels."""
-    small = np.abs(theta) < _SMALL_ANGLE_RAD**0.5
+    small = theta < _SERIES_BELOW_RAD
     safe = np.where(small, 1.0, theta)
-    series = 1 / 6 - theta**2 / 120 + theta**4 / 5040
+    series = 1 / 6 - theta**2 / 120 + theta**4 / 5040 - theta**6 / 362880
     value: FloatArray = np.where(small, series, (safe - np.sin(safe)) / safe**3)
     return value
