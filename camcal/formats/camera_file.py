@@ -10,12 +10,12 @@ import numpy as np
 import camcal
 from camcal.formats.output import write_atomically
 from camcal.formats.text import file_in
+from camcal.formats.versions import CAMERA_FORMAT_VERSION
 from camcal.formats.yaml_dump import dump_yaml
 from camcal.geometry.arrays import FloatArray
 from camcal.observations import Intrinsics
 
 CAMERA_FILE_NAME = "camera.yaml"
-FORMAT_VERSION = 1
 
 _RATIONAL_NAMES = ("k4", "k5", "k6")
 _HEADING = """\
@@ -77,7 +77,7 @@ def camera_yaml(intrinsics: Intrinsics) -> str:
         "rectification_matrix": _matrix(np.eye(3)),
         "projection_matrix": _matrix(np.column_stack([camera.K, np.zeros(3)])),
         "camcal": {
-            "format_version": FORMAT_VERSION,
+            "format_version": CAMERA_FORMAT_VERSION,
             "version": camcal.__version__,
             "board": intrinsics.board,
             "free": list(intrinsics.free),

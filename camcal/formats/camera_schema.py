@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from pydantic import ConfigDict
 
-from camcal.formats.camera_file import FORMAT_VERSION
 from camcal.formats.validation import AnyNumber, Count, Name, Number, Schema, Text, Whole, validate
+from camcal.formats.versions import CAMERA_FORMAT_VERSION
 from camcal.formats.yaml_io import Document, KeyPath, describe, load_yaml
 from camcal.geometry.arrays import FloatArray
 from camcal.geometry.camera import Camera
@@ -86,7 +86,7 @@ def read_intrinsics(path: str | Path) -> Intrinsics:
     if "camcal" not in document.data:
         info = validate(document, CameraInfo)
         return Intrinsics(_camera(document, info), info.camera_name)
-    check_format_version(document, ("camcal",), FORMAT_VERSION)
+    check_format_version(document, ("camcal",), CAMERA_FORMAT_VERSION)
     file = validate(document, CameraFile)
     camera = _camera(document, file)
     known = file.camcal

@@ -8,11 +8,11 @@ from typing import Any
 
 from camcal.formats.output import write_atomically
 from camcal.formats.text import file_in
+from camcal.formats.versions import VIEWS_FORMAT_VERSION
 from camcal.formats.yaml_dump import dump_yaml
 from camcal.observations import ViewRecord
 
 VIEWS_FILE_NAME = "views.yaml"
-FORMAT_VERSION = 1
 
 _HEADING = """\
 X_camera = R X_board + t: t in metres; camera x right, y down, z forward; board x right, y down as printed, z into the board.
@@ -32,7 +32,7 @@ def save_views(path: str | Path, records: Sequence[ViewRecord]) -> None:
     InputError
         If the file cannot be written.
     """
-    content = {"format_version": FORMAT_VERSION, "views": [_entry(record) for record in records]}
+    content = {"format_version": VIEWS_FORMAT_VERSION, "views": [_entry(record) for record in records]}
     write_atomically(path, dump_yaml(content, _HEADING))
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from camcal.formats.camera_schema import check_format_version
 from camcal.formats.validation import AnyNumber, Count, Name, Number, Schema, Text, Whole, list_of, validate
-from camcal.formats.views_file import FORMAT_VERSION
+from camcal.formats.versions import VIEWS_FORMAT_VERSION
 from camcal.formats.yaml_io import Document, KeyPath, load_yaml
 from camcal.geometry.pose import Pose
 from camcal.observations import ViewRecord
@@ -45,7 +45,7 @@ def read_views(path: str | Path) -> tuple[ViewRecord, ...]:
         If it cannot be used.
     """
     document = load_yaml(path)
-    check_format_version(document, (), FORMAT_VERSION)
+    check_format_version(document, (), VIEWS_FORMAT_VERSION)
     entries = validate(document, ViewsFile).views
     first: dict[str, int] = {}
     for index, entry in enumerate(entries):
