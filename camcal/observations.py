@@ -34,6 +34,8 @@ class Detection:
         Standard deviation of each corner per axis in pixels; NaN where it is not known.
     notes : tuple of str
         What a person should know about the view ("blurred: ..."), each a short clause.
+    edge_width_px : float
+        Typical width of the pattern's edges in pixels, to tell blurred views from the others; NaN where it is not known.
     """
 
     source: str
@@ -42,6 +44,7 @@ class Detection:
     corners_px: FloatArray
     sigma_px: FloatArray
     notes: tuple[str, ...] = ()
+    edge_width_px: float = float("nan")
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ids", frozen_ints(self.ids, (None,), "ids"))

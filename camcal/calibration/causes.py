@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from camcal.boards.base import Board
+from camcal.boards.checkerboard import Checkerboard
 from camcal.calibration.parameters import DEFAULT_DISTORTION
 from camcal.calibration.solve import solve
 from camcal.errors import CamcalError, SolveError
@@ -13,6 +14,8 @@ from camcal.observations import Calibration, Detection, Rejected
 
 LARGEST_RMS_PX = 3.0
 """Above this the model does not describe the corners: real corners are found within a few tenths of a pixel."""
+
+_MOST = 0.8
 
 
 def solve_board(
@@ -57,3 +60,14 @@ def swapped_board(detections: Sequence[Detection], board: Board, distortion: tup
     if rms_px > LARGEST_RMS_PX:
         return None
     return f"The corners fit {other.spec} (RMS {rms_px:.3g} px): rows and columns are swapped."
+
+
+def quarter_turn(calibration: Calibration, board: Board) -> str | None:
+    """Say so if a checkerboard's columns run down most images: its SPEC then names rows as columns, which is harmless."""
+    if not isinstance(board, Checkerboard) or board.columns >= board.rows:
+        return None
+    down = [abs(pose.R[1, 0]) > abs(pose.R[0, 0]) for pose in calibration.poses]
+    if sum(down) <= _MOST * len(down):
+        return None
+    other = replace(board, columns=board.rows, rows=board.columns)
+    return f"the board lies on its long side in most views: {other.spec} is meant? (harmless: it is the same board)"

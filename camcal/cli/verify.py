@@ -1,0 +1,68 @@
+"""`camcal verify`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from camcal.cli import options
+from camcal.cli.console import number, print_json, print_table
+from camcal.errors import QualityError
+
+if TYPE_CHECKING:
+    from camcal.workflows.verify import Verification
+
+
+@click.command(epilog="Example: camcal verify calib/ --truth data/ --max-sigma 4")
+@click.argument("estimate", type=click.Path(exists=True))
+@click.option("--truth", required=True, type=click.Path(exists=True), help="Folder or camera file that holds the truth.")
+@click.option("--max-diff", type=float, metavar="PX", help="Fail if the projection differs by more, anywhere in the image.")
+@click.option("--max-sigma", type=float, metavar="N", help="Fail if a parameter is off by more standard deviations.")
+@options.as_json
+def verify(estimate: str, truth: str, max_diff: float | None, max_sigma: float | None, as_json: bool) -> None:
+    """Tell how far an estimated camera is from the truth.
+
+    ESTIMATE and TRUTH are folders written by `calibrate` or `synth`, or camera files. The projection difference is taken
+    over the whole image, for far points, after the rotation between the two cameras is fitted and removed. Exit code 5
+    when a gate fails.
+    """
+    from camcal.workflows.verify import verify as compare
+
+    result = compare(estimate, truth, max_diff_px=max_diff, max_sigma=max_sigma)
+    if as_json:
+        print_json(result.as_dict())
+    else:
+        print_verification(result)
+    if result.problems:
+        raise QualityError("verify: " + "; ".join(result.problems) + ".")
+
+
+def print_verification(result: Verification) -> None:
+    """Print the parameters and the differences as tables."""
+    rows = [
+        (
+            e.name,
+            f"{e.truth:.8g}",
+            f"{e.estimate:.8g}",
+            f"{e.error:+.3g}",
+            number(e.sigma, ".3g"),
+            number(e.error_in_sigma, "+.2f"),
+        )
+        for e in result.parameters
+    ]
+    print_table("Parameters", ("", "true", "recovered", "difference", "std. dev.", "in std. dev."), rows)
+    p = result.projection
+    over = [("projection difference (px)", f"{p.mean_px:.4g}", f"{p.p95_px:.4g}", f"{p.max_px:.4g}")]
+    print_table(f"Over {100 * p.compared_share:.0f} % of the image", ("", "mean", "95 %", "max"), over)
+    if result.views is None:
+        return
+    v = result.views
+    per_view = [
+        ("corner error, RMS per axis (px)", number(v.corner_rms_px, ".4f")),
+        ("corner bias x, y (px)", "{}, {}".format(*(number(bias, "+.4f") for bias in v.corner_bias_px))),
+        ("largest corner error (px)", number(v.corner_max_px, ".4f")),
+        ("board rotation error, RMS (deg)", number(v.rotation_deg, ".4f")),
+        ("board position error, RMS (mm)", number(1000 * v.translation_m, ".4f")),
+    ]
+    print_table(f"{v.views} views, {v.corners} corners", (), per_view)

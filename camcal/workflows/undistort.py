@@ -1,0 +1,112 @@
+"""`camcal undistort`: images without the lens, and the camera that belongs to them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from camcal.errors import InputError
+from camcal.formats.camera_file import load_intrinsics, save_intrinsics
+from camcal.formats.images import ImageFile, read_image, write_image
+from camcal.formats.output import claim_folder
+from camcal.geometry.camera import Camera
+from camcal.observations import Image, Intrinsics
+from camcal.undistortion.maps import undistort_image, undistort_map
+from camcal.undistortion.target import target_camera
+from camcal.workflows.inputs import images_to_work_on
+from camcal.workflows.parallel import each
+from camcal.workflows.reporting import LogReporter, Reporter
+
+
+@dataclass(frozen=True, slots=True)
+class Undistortion:
+    """What `undistort` wrote.
+
+    Attributes
+    ----------
+    folder : Path
+        Holds the images under their names, and `camera.yaml`: the camera of the undistorted images.
+    target : Camera
+        That camera.
+    images : tuple of str
+        Names of the images written.
+    """
+
+    folder: Path
+    target: Camera
+    images: tuple[str, ...]
+
+
+def undistort(
+    inputs: Sequence[str | Path],
+    camera: str | Path,
+    output: str | Path,
+    *,
+    alpha: float = 0.0,
+    force: bool = False,
+    jobs: int | None = None,
+    reporter: Reporter | None = None,
+) -> Undistortion:
+    """Take the lens out of images.
+
+    Parameters
+    ----------
+    inputs : sequence of path
+        Image files, folders or globs.
+    camera : path
+        A camera file, or a folder that `calibrate` wrote.
+    output : path
+        Folder for the undistorted images (same names) and their camera.yaml.
+    alpha : float
+        0 keeps only pixels that see the source, 1 keeps every pixel of the source.
+    force : bool
+        Whether a folder that exists is written into.
+    jobs : int, optional
+        Images worked on at once; all processors by default.
+    reporter : Reporter, optional
+
+    Returns
+    -------
+    Undistortion
+
+    Raises
+    ------
+    InputError
+        If a file cannot be used, an image is not of the camera's size, or an output would replace its input.
+    """
+    reporter = reporter or LogReporter()
+    intrinsics = load_intrinsics(camera)
+    if intrinsics.problems:
+        reporter.warn(f"{camera}: marked as not to be trusted: {intrinsics.problems[0]}")
+    found = images_to_work_on(inputs, reporter)
+    folder = Path(output)
+    if any(image.path.resolve() == (folder / image.name).resolve() for image in found):
+        raise InputError(f"{folder}: output would replace its own input. Choose another folder with -o.")
+    target = target_camera(intrinsics.camera, alpha)
+    claim_folder(folder, force=force)
+    maps = undistort_map(intrinsics.camera, target)
+
+    def work(image: ImageFile) -> str:
+        pixels = _read_of_size(image, intrinsics.camera.size)
+        path = folder / image.name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_image(path, undistort_image(pixels, maps))
+        return image.name
+
+    with reporter.progress("Undistorting", len(found)) as advance:
+        done = each(work, found, jobs, advance)
+    save_intrinsics(folder / "camera.yaml", Intrinsics(target, name=intrinsics.name))
+    return Undistortion(folder, target, tuple(done))
+
+
+def _read_of_size(image: ImageFile, size: tuple[int, int]) -> Image:
+    """Read an image that must have the camera's size."""
+    pixels = read_image(image.path)
+    height, width = pixels.shape[:2]
+    if (width, height) != size:
+        raise InputError(
+            f"{image.path}: not the camera's image size (got {width}x{height}, expected {size[0]}x{size[1]}). "
+            "Use the camera file that was calibrated at this size."
+        )
+    return pixels

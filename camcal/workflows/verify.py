@@ -1,0 +1,134 @@
+"""`camcal verify`: how far an estimated camera is from the truth, and whether that is good enough."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from camcal.compare import (
+    ParameterError,
+    PosedView,
+    ProjectionDifference,
+    ViewErrors,
+    parameter_errors,
+    projection_difference,
+    view_errors,
+)
+from camcal.errors import InputError
+from camcal.formats.board_file import load_board
+from camcal.formats.camera_file import load_intrinsics
+from camcal.formats.corners_file import load_corners
+from camcal.formats.views_file import load_views
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """What `verify` found.
+
+    Attributes
+    ----------
+    projection : ProjectionDifference
+        Estimate against truth over the image.
+    parameters : tuple of ParameterError
+    views : ViewErrors or None
+        Corner and pose errors; None unless both sides are folders with views in common.
+    problems : tuple of str
+        One line for each gate that failed.
+    """
+
+    projection: ProjectionDifference
+    parameters: tuple[ParameterError, ...]
+    views: ViewErrors | None
+    problems: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, object]:
+        """Return everything as plain values, for JSON."""
+        p = self.projection
+        return {
+            "projection_difference_px": {
+                "mean": p.mean_px,
+                "p95": p.p95_px,
+                "max": p.max_px,
+                "compared_share": p.compared_share,
+                "implied_rvec_rad": p.rvec.tolist(),
+            },
+            "parameters": [asdict(e) | {"error": e.error, "error_in_sigma": e.error_in_sigma} for e in self.parameters],
+            "views": None if self.views is None else asdict(self.views),
+            "problems": list(self.problems),
+        }
+
+
+def verify(
+    estimate: str | Path, truth: str | Path, *, max_diff_px: float | None = None, max_sigma: float | None = None
+) -> Verification:
+    """Compare an estimate with the truth.
+
+    Parameters
+    ----------
+    estimate, truth : path
+        A folder that `calibrate` or `synth` wrote, or a camera file.
+    max_diff_px : float, optional
+        Gate: the largest projection difference over the image, after the implied rotation is fitted, in pixels.
+    max_sigma : float, optional
+        Gate: the largest error of a solved parameter in its standard deviations.
+
+    Returns
+    -------
+    Verification
+        Its `problems` say which gates failed.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or wrong, the cameras' image sizes differ, or a gate cannot be applied.
+    """
+    for option, limit in (("--max-diff", max_diff_px), ("--max-sigma", max_sigma)):
+        if limit is not None and not limit > 0:
+            raise InputError(f"{option}: out of range (got {limit:g}, expected more than 0).")
+    estimated, true = load_intrinsics(estimate), load_intrinsics(truth)
+    projection = projection_difference(true.camera, estimated.camera)
+    parameters = parameter_errors(true, estimated)
+    if max_sigma is not None and not estimated.free:
+        raise InputError(
+            f"{estimate}: no standard deviations in this camera file, which --max-sigma needs. Gate with --max-diff."
+        )
+    problems = (
+        _difference_problem(projection, max_diff_px),
+        _sigma_problem(parameters, max_sigma),
+    )
+    return Verification(
+        projection, parameters, _compare_views(Path(estimate), Path(truth)), tuple(problem for problem in problems if problem)
+    )
+
+
+def _difference_problem(projection: ProjectionDifference, limit: float | None) -> str | None:
+    if limit is None or projection.max_px <= limit:
+        return None
+    return f"--max-diff: projection differs by up to {projection.max_px:.4g} px (expected at most {limit:g})"
+
+
+def _sigma_problem(parameters: tuple[ParameterError, ...], limit: float | None) -> str | None:
+    known = [p for p in parameters if p.sigma > 0]
+    if limit is None or not known:
+        return None
+    worst = max(known, key=lambda p: abs(p.error_in_sigma))
+    if abs(worst.error_in_sigma) <= limit:
+        return None
+    return (
+        f"--max-sigma: {worst.name} is off by {abs(worst.error_in_sigma):.3g} standard deviations (expected at most {limit:g})"
+    )
+
+
+def _compare_views(estimate: Path, truth: Path) -> ViewErrors | None:
+    """Compare the views of two folders; None unless both have corners and the truth has its board."""
+    files = [folder / name for folder in (estimate, truth) for name in ("corners.csv", "views.yaml")] + [truth / "board.yaml"]
+    if not all(file.is_file() for file in files):
+        return None
+    return view_errors(_posed_views(truth), _posed_views(estimate), load_board(str(truth / "board.yaml")))
+
+
+def _posed_views(folder: Path) -> dict[str, PosedView]:
+    """Corners and poses of the used views of a folder, by image name."""
+    poses = {record.source: record.T_cam_board for record in load_views(folder / "views.yaml") if record.used}
+    detections = load_corners(folder / "corners.csv")
+    return {d.source: PosedView(d, poses[d.source]) for d in detections if d.source in poses}

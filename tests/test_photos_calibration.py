@@ -1,0 +1,83 @@
+"""Real photographs through the whole command: views found, RMS and focal length against reference results."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+import yaml
+
+from camcal.cli import main
+
+CASES = {
+    "opencv_left": ("opencv_left", "checkerboard:9x6:25mm", 13, 0.19, (531, 536)),
+    "udacity_wide": ("udacity_wide/GOPR*.jpg", "checkerboard:8x6:1m", 35, 0.535, (557, 563)),
+    "swat_calib": ("swat_calib", "checkerboard:7x5:30mm", 17, 0.18, (755, 785)),
+    "moms_left": ("moms_left", "aprilgrid:5x4:20mm:0.25:family=tag36h10:first=top-left", 12, 0.34, (1040, 1085)),
+}
+"""Images, board, fewest views, largest RMS in px, range of fx and fy in px: marks set with stock OpenCV's corners."""
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_calibration_of_photographs(case, photos, tmp_path, capsys):
+    """Enough views, a small RMS, the expected focal length, exit code 0, and a camera file that says it can be trusted."""
+    images, board, views, rms_px, (low, high) = CASES[case]
+    code = main(["calibrate", str(photos / images), "--board", board, "-o", str(tmp_path / "calib"), "--json"])
+    result = json.loads(capsys.readouterr().out)
+    assert code == 0
+    assert result["views"] >= views
+    assert result["rms_px"] <= rms_px
+    assert low <= result["intrinsics"]["fx"] <= high
+    assert low <= result["intrinsics"]["fy"] <= high
+    assert yaml.safe_load((tmp_path / "calib/camera.yaml").read_text())["camcal"]["trusted"] is True
+
+
+def test_a_board_cut_by_the_frame_is_rejected_by_name(photos, tmp_path, capsys):
+    """GOPR0055 shows part of the board: named with the reason, the other 35 are used."""
+    main(
+        [
+            "calibrate",
+            str(photos / "udacity_wide/GOPR*.jpg"),
+            "--board",
+            "checkerboard:8x6:1m",
+            "-o",
+            str(tmp_path / "c"),
+            "--json",
+        ]
+    )
+    captured = capsys.readouterr()
+    rejected = json.loads(captured.out)["rejected"]
+    assert list(rejected) == ["GOPR0055.jpg"]
+    assert "GOPR0055.jpg: rejected: " in captured.err
+
+
+def test_blurred_photographs_are_used_and_flagged(photos, tmp_path, capsys):
+    """IMG_1433 and IMG_1446 are blurred: used, and noted in views.yaml; most others are not."""
+    main(["calibrate", str(photos / "swat_calib"), "--board", "checkerboard:7x5:30mm", "-o", str(tmp_path / "c")])
+    capsys.readouterr()
+    views = yaml.safe_load((tmp_path / "c/views.yaml").read_text())["views"]
+    flagged = {view["file"] for view in views if any("blurred" in note for note in view["notes"])}
+    assert {"IMG_1433.JPG", "IMG_1446.JPG"} <= flagged
+    assert len(flagged) <= 4
+
+
+def test_streets_are_rejected_and_too_few(photos, tmp_path, capsys):
+    """One board and two streets: exit code 3, each street named with a reason, the board not."""
+    images = [str(path) for path in sorted((photos / "kalibr").glob("*.jpg"))]
+    code = main(["calibrate", *images, "--board", "checkerboard:9x8:30mm", "-o", str(tmp_path / "c")])
+    err = capsys.readouterr().err
+    assert code == 3
+    assert "im_front.jpg: rejected: " in err
+    assert "im_rear.jpg: rejected: " in err
+    assert "testImageCheckerboard.jpg" not in err
+
+
+def test_undistorted_photographs_are_written(photos, tmp_path, capsys):
+    """--undistort works on photographs as on renders: same names and sizes."""
+    code = main(
+        ["calibrate", str(photos / "opencv_left"), "--board", "checkerboard:9x6:25mm", "-o", str(tmp_path / "c"), "--undistort"]
+    )
+    capsys.readouterr()
+    assert code == 0
+    written = sorted(path.name for path in (tmp_path / "c/undistorted").glob("*.jpg"))
+    assert written == sorted(path.name for path in (photos / "opencv_left").glob("*.jpg"))
