@@ -30,11 +30,14 @@ class ProjectionDifference:
         Where the other camera sees it, minus that; NaN where either camera has no valid answer.
     rvec : ndarray of shape (3,)
         The implied rotation, axis times angle in radians.
+    lost_share : float
+        Share of the reference's valid pixels for which the other camera has no valid answer (its lens has turned back).
     """
 
     pixels: FloatArray
     difference_px: FloatArray
     rvec: FloatArray
+    lost_share: float
 
     @property
     def length_px(self) -> FloatArray:
@@ -93,7 +96,9 @@ def projection_difference(reference: Camera, other: Camera) -> ProjectionDiffere
     rays = reference.unproject(pixels)
     rvec = _fit_rotation(rays, pixels, other)
     seen = other.project(rotate_with_jacobian(rvec, rays)[0])
-    difference = ProjectionDifference(pixels, seen - pixels, rvec)
+    seeing = np.isfinite(rays[:, 0])
+    lost = float(np.isnan(seen[seeing, 0]).mean()) if seeing.any() else 0.0
+    difference = ProjectionDifference(pixels, seen - pixels, rvec, lost)
     if difference.length_px.size == 0:
         raise InputError("verify: the two cameras have no valid pixel in common. Check that both files are of the same camera.")
     return difference
@@ -132,7 +137,8 @@ class ParameterError:
     truth, estimate : float
         In the parameter's unit (pixels, or dimensionless for the lens).
     sigma : float
-        Standard deviation of the estimate; NaN if it was not solved for or is not known.
+        Standard deviation of the difference: the estimate's, together with the other's if that is an estimate as well;
+        NaN if the parameter was not solved for.
     """
 
     name: str
@@ -153,7 +159,8 @@ class ParameterError:
 
 def parameter_errors(truth: Intrinsics, estimate: Intrinsics) -> tuple[ParameterError, ...]:
     """Compare every intrinsic that is free in the estimate or not zero in either camera."""
-    sigma = estimate.sigma
+    other = truth.sigma
+    sigma = {name: float(np.hypot(value, other.get(name, 0.0))) for name, value in estimate.sigma.items()}
     names = estimate.camera.intrinsic_names
     rows = zip(names, truth.camera.intrinsics.tolist(), estimate.camera.intrinsics.tolist(), strict=True)
     return tuple(

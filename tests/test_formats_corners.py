@@ -17,14 +17,13 @@ from camcal.observations import Detection
 
 # Carriage returns never get into a name: images are named on one line.
 NAMES = st.text(st.characters(exclude_categories=("Cs",), exclude_characters="\x00\r"), min_size=1, max_size=20)
-PIXELS = st.floats(-1e6, 1e6)
 
 
 def detection(source: str, count: int, seed: int = 0, size: tuple[int, int] = (640, 480)) -> Detection:
     """A view with some ids left out."""
     rng = np.random.default_rng(seed)
     ids = np.sort(rng.choice(2 * count, count, replace=False))
-    return Detection(source, size, ids, rng.normal(300, 100, (count, 2)), rng.uniform(0.01, 1, count))
+    return Detection(source, size, ids, rng.uniform(0, 479, (count, 2)), rng.uniform(0.01, 1, count))
 
 
 def same(one: Detection, other: Detection) -> bool:
@@ -35,11 +34,13 @@ def same(one: Detection, other: Detection) -> bool:
 
 @st.composite
 def detections(draw: st.DrawFn) -> Detection:
-    """Any view of any name, with corners anywhere and some unknown standard deviations."""
+    """Any view of any name, with corners anywhere in the image and some unknown standard deviations."""
     ids = sorted(draw(st.sets(st.integers(0, 1000), min_size=1, max_size=8)))
-    corners = draw(st.lists(st.tuples(PIXELS, PIXELS), min_size=len(ids), max_size=len(ids)))
+    width, height = draw(st.integers(1, 9999)), draw(st.integers(1, 9999))
+    inside = st.tuples(st.floats(-0.5, width - 0.5), st.floats(-0.5, height - 0.5))
+    corners = draw(st.lists(inside, min_size=len(ids), max_size=len(ids)))
     sigma = draw(st.lists(st.floats(1e-6, 1e3) | st.just(float("nan")), min_size=len(ids), max_size=len(ids)))
-    return Detection(draw(NAMES), (draw(st.integers(1, 9999)), draw(st.integers(1, 9999))), ids, corners, sigma)  # type: ignore[arg-type]
+    return Detection(draw(NAMES), (width, height), ids, corners, sigma)  # type: ignore[arg-type]
 
 
 @settings(deadline=None)
@@ -125,3 +126,12 @@ def test_two_hundred_thousand_corners_take_seconds_at_most(tmp_path: Path) -> No
     # A second on the slowest machine seen; anything quadratic would take hours.
     assert time.process_time() - started < 10
     assert all(map(same, found, seen))
+
+
+@pytest.mark.parametrize(("x", "y", "column"), [("641.6", "10", "x"), ("-3", "10", "x"), ("10", "482", "y")])
+def test_corners_outside_their_image_are_refused(tmp_path: Path, x: str, y: str, column: str) -> None:
+    """Width and height swapped, or another image's size: the line and the column are named. A pixel beyond the frame passes."""
+    path = tmp_path / "corners.csv"
+    path.write_text(f"image,width,height,id,x,y\na.png,640,480,0,640.2,479.9\na.png,640,480,1,{x},{y}\n")
+    with pytest.raises(InputError, match=rf"corners\.csv:3: {column}: outside the image"):
+        load_corners(path)

@@ -27,6 +27,8 @@ _LONGEST_FILE_BYTES = 200_000_000
 _LARGEST_ID = 10**6
 _LARGEST_SIDE_PX = 10**6
 _LARGEST_COORDINATE_PX = 1e7
+# Detectors may place a corner that the frame just cuts a little beyond it.
+_OUTSIDE_PX = 1.0
 _USED_WORDS = {"1": True, "0": False, "true": True, "false": False, "": True}
 
 
@@ -132,6 +134,9 @@ def load_corner_table(path: str | Path) -> CornersTable:
     sizes = np.stack([rows.wholes(key, 1, _LARGEST_SIDE_PX) for key in ("width", "height")], axis=1)
     ids = rows.wholes("id", 0, _LARGEST_ID)
     corners = np.stack([rows.numbers(key) for key in ("x", "y")], axis=1)
+    for axis, (key, side) in enumerate((("x", "width"), ("y", "height"))):
+        beyond = (corners[:, axis] < -0.5 - _OUTSIDE_PX) | (corners[:, axis] > sizes[:, axis] - 0.5 + _OUTSIDE_PX)
+        rows.check(key, beyond, f"outside the image (got {{}}, expected -0.5 to {side} - 0.5). Check the {side} column")
     sigma = rows.numbers("sigma", optional=True)
     rows.check("sigma", sigma <= 0, "out of range (got {}, expected a positive number or an empty cell)")
     residuals = np.stack([rows.numbers(key, optional=True) for key in ("residual_x", "residual_y")], axis=1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from camcal.boards.base import Board
@@ -21,13 +21,12 @@ from camcal.formats.images import ImageFile, read_gray
 from camcal.formats.output import claim_folder
 from camcal.formats.views_file import save_views
 from camcal.observations import Calibration, Detection, Intrinsics, Rejected, ViewRecord
-from camcal.workflows.inputs import images_to_work_on
+from camcal.workflows.inputs import Inputs, as_paths, images_to_work_on, warn_of_each
 from camcal.workflows.parallel import each
 from camcal.workflows.reporting import LogReporter, Reporter
-from camcal.workflows.undistort import undistort as undistort_images
+from camcal.workflows.undistort import undistort_found
 
 UNDISTORTED = "undistorted"
-_NAMED_AT_ONCE = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,13 +61,14 @@ class CalibrationRun:
             "corners": known.corners,
             "rejected": {rejection.source: rejection.reason for rejection in self.calibration.rejected},
             "notes": {d.source: list(d.notes) for d in self.calibration.detections if d.notes},
+            "trusted": not known.problems,
             "problems": list(known.problems),
             "folder": None if self.folder is None else str(self.folder),
         }
 
 
 def calibrate(
-    images: Sequence[str | Path],
+    images: Inputs,
     board: str,
     output: str | Path | None = None,
     *,
@@ -85,7 +85,7 @@ def calibrate(
 
     Parameters
     ----------
-    images : sequence of path
+    images : path or sequence of path
         Image files, folders or globs; or one corners.csv, then nothing is detected.
     board : str
         A one-liner such as `checkerboard:9x6:25mm`, the name of a sample board, or a board file.
@@ -124,7 +124,7 @@ def calibrate(
     reporter = reporter or LogReporter()
     target = load_board(board)
     free = parse_distortion(distortion)
-    replay = _corners_file(images)
+    replay = _corners_file(as_paths(images))
     if undistort and (replay or output is None):
         raise InputError("--undistort: needs images and an output folder (got a corners file or no -o).")
     if only_used and not replay:
@@ -133,9 +133,8 @@ def calibrate(
     folder = None if output is None else claim_folder(output, force=force)
     views = _replayed(replay, target, only_used) if replay else _detected(found, target, jobs, reporter)
     detections, rejected = _of_one_size(views)
-    for rejection in rejected:
-        reporter.warn(f"{rejection.source}: rejected: {rejection.reason}")
-    _warn_of_notes(detections, reporter)
+    warn_of_each(((rejection.source, f"rejected: {rejection.reason}") for rejection in rejected), reporter)
+    warn_of_each(((detection.source, note) for detection in detections for note in detection.notes), reporter)
     calibration = solve_board(detections, target, distortion=free, rejected=rejected)
     if turned := quarter_turn(calibration, target):
         reporter.warn(turned)
@@ -144,9 +143,8 @@ def calibrate(
     if folder is not None:
         _write(run, folder)
         if undistort:
-            used = {detection.source for detection in calibration.detections}
-            fitting = [image.path for image in found if image.name in used]
-            undistort_images(fitting, folder / "camera.yaml", folder / UNDISTORTED, force=force, jobs=jobs, reporter=reporter)
+            where, camera = folder / UNDISTORTED, folder / "camera.yaml"
+            undistort_found(_unnamed(found), camera, where, force=force, jobs=jobs, reporter=reporter)
     return run
 
 
@@ -203,19 +201,6 @@ def _of_one_size(views: Sequence[Detection | Rejected]) -> tuple[list[Detection]
     return [detection for detection in detections if detection.size == size], sorted(rejected, key=lambda r: r.source)
 
 
-def _warn_of_notes(detections: Sequence[Detection], reporter: Reporter) -> None:
-    """Pass on what the detector noticed, one line for each kind of note."""
-    seen: dict[str, list[str]] = {}
-    for detection in detections:
-        for note in detection.notes:
-            seen.setdefault(note, []).append(detection.source)
-    for note, sources in seen.items():
-        named = ", ".join(sources[:_NAMED_AT_ONCE]) + (
-            f" and {len(sources) - _NAMED_AT_ONCE} more" if len(sources) > _NAMED_AT_ONCE else ""
-        )
-        reporter.warn(f"{named}: {note}")
-
-
 def _intrinsics(calibration: Calibration, board: Board, name: str, problems: tuple[str, ...]) -> Intrinsics:
     """Return what camera.yaml is to hold."""
     return Intrinsics(
@@ -241,9 +226,15 @@ def view_records(calibration: Calibration) -> tuple[ViewRecord, ...]:
     return tuple(sorted(used + rejected, key=lambda record: record.source))
 
 
+def _unnamed(found: Sequence[ImageFile]) -> tuple[ImageFile, ...]:
+    """Return the images as if a folder had held them: one of another size than the camera's is passed over by name."""
+    return tuple(replace(image, named=False) for image in found)
+
+
 def _write(run: CalibrationRun, folder: Path) -> None:
-    """Write the four files; the camera last, so that its presence says that all are there."""
+    """Write the four files; the camera is removed first and written last, so that its presence says that all are there."""
     calibration = run.calibration
+    (folder / "camera.yaml").unlink(missing_ok=True)
     save_board(folder / "board.yaml", run.board)
     save_corners(folder / "corners.csv", calibration.detections, calibration.residuals_px)
     save_views(folder / "views.yaml", view_records(calibration))

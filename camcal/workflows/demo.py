@@ -13,6 +13,7 @@ from camcal.workflows.undistort import Undistortion, undistort
 from camcal.workflows.verify import Verification, verify
 
 CONFIG = "webcam_720p"
+_MAX_SIGMA = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,4 +56,4 @@ def demo(
     made = synth(CONFIG, data, force=force, jobs=jobs, reporter=reporter)
     run = calibrate([data / IMAGES], str(data / "board.yaml"), calib, force=force, jobs=jobs, reporter=reporter)
     done = undistort([data / IMAGES], calib / "camera.yaml", undistorted, force=force, jobs=jobs, reporter=reporter)
-    return Demonstration(made, run, done, verify(calib, data))
+    return Demonstration(made, run, done, verify(calib, data, max_sigma=_MAX_SIGMA))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from camcal.workflows.parallel import each
 from camcal.workflows.reporting import LogReporter, Reporter
 
 IMAGES = "images"
+_VIEW_NAME = re.compile(r"view_\d{4,}\.png")
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +81,9 @@ def synth(
     claim_folder(folder, force=force)
     images = folder / IMAGES
     images.mkdir(exist_ok=True)
-    for stale in images.glob("view_*.png"):
-        # Views of an earlier, longer dataset must not mix with these.
-        stale.unlink()
+    # Truth and views of an earlier dataset must not mix with these, not even if this run is interrupted.
+    for stale in [folder / "camera.yaml", *(path for path in images.iterdir() if _VIEW_NAME.fullmatch(path.name))]:
+        stale.unlink(missing_ok=True)
 
     def render(index: int) -> tuple[Detection, ViewRecord]:
         view = render_view(scenario, index)

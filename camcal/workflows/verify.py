@@ -33,7 +33,7 @@ class Verification:
     views : ViewErrors or None
         Corner and pose errors; None unless both sides are folders with views in common.
     problems : tuple of str
-        One line for each gate that failed.
+        One line for each gate that failed, and for each reason why the estimate itself must not be trusted.
     """
 
     projection: ProjectionDifference
@@ -93,6 +93,7 @@ def verify(
             f"{estimate}: no standard deviations in this camera file, which --max-sigma needs. Gate with --max-diff."
         )
     problems = (
+        *(f"the estimate is marked as not to be trusted: {problem}" for problem in estimated.problems),
         _difference_problem(projection, max_diff_px),
         _sigma_problem(parameters, max_sigma),
     )
@@ -102,6 +103,10 @@ def verify(
 
 
 def _difference_problem(projection: ProjectionDifference, limit: float | None) -> str | None:
+    if limit is not None and projection.lost_share > 0:
+        return (
+            f"--max-diff: the estimate's lens turns back in {100 * projection.lost_share:.2g} % of the image (expected nowhere)"
+        )
     if limit is None or projection.max_px <= limit:
         return None
     return f"--max-diff: projection differs by up to {projection.max_px:.4g} px (expected at most {limit:g})"
