@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from camcal.boards.spec import parse_board
-    from camcal.compare import projection_difference
+    from camcal.compare.projection import projection_difference
     from camcal.errors import CamcalError, DetectionError, InputError, QualityError, SolveError
     from camcal.formats.board_file import load_board
     from camcal.formats.camera_file import load_intrinsics, save_intrinsics
@@ -50,7 +50,7 @@ _HOMES = {
     "load_board": "camcal.formats.board_file",
     "load_intrinsics": "camcal.formats.camera_file",
     "parse_board": "camcal.boards.spec",
-    "projection_difference": "camcal.compare",
+    "projection_difference": "camcal.compare.projection",
     "save_intrinsics": "camcal.formats.camera_file",
     "synth": "camcal.workflows.synth",
     "undistort": "camcal.workflows.undistort",

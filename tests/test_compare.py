@@ -7,7 +7,10 @@ import pytest
 from scenes import BOARD, CAMERA, detections, poses
 
 from camcal.boards.checkerboard import Checkerboard
-from camcal.compare import PosedView, parameter_errors, projection_difference, view_errors
+from camcal.calibration.solve import solve
+from camcal.compare.parameters import parameter_errors
+from camcal.compare.projection import predicted_difference_px, projection_difference
+from camcal.compare.views import PosedView, view_errors
 from camcal.errors import InputError
 from camcal.geometry.camera import Camera
 from camcal.geometry.pose import Pose
@@ -45,6 +48,22 @@ def test_a_longer_focal_length_differs_in_proportion_to_the_radius():
     # The mean distance from the centre of a square of side 2 a is 0.7652 a.
     assert difference.mean_px == pytest.approx(0.01 * 0.7652 * 500, rel=0.03)
     assert difference.mean_px < difference.p95_px < difference.max_px
+
+
+def test_predicted_difference_is_what_noise_makes():
+    """Over 100 noise draws the mean square difference at each pixel is the predicted one: ratio 1 within 4 sigma.
+
+    The mean over the image has at most 7 degrees of freedom a draw and at least one, so its relative standard deviation
+    is at most sqrt(2 / 100).
+    """
+    views = poses(12, 4)
+    measured, predicted = [], []
+    for seed in range(100):
+        solved = solve(detections(views, noise_px=0.1, seed=seed), BOARD.object_points)
+        measured.append((projection_difference(CAMERA, solved.camera).difference_px ** 2).sum(axis=1))
+        estimate = Intrinsics(solved.camera, free=solved.free, covariance=solved.covariance)
+        predicted.append(predicted_difference_px(estimate) ** 2)
+    assert np.mean(measured) / np.mean(predicted) == pytest.approx(1, abs=4 * np.sqrt(2 / 100))
 
 
 def test_pixels_past_the_fold_are_not_compared():

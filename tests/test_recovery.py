@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from camcal.calibration.solve import solve
-from camcal.compare import projection_difference
+from camcal.compare.projection import projection_difference
 from camcal.detection.detect import detect_board
 from camcal.formats.scenario_file import load_scenario
 from camcal.observations import Detection

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import camcal
-from camcal.compare import parameter_errors
+from camcal.compare.parameters import parameter_errors
 from camcal.formats.camera_file import load_intrinsics, save_intrinsics
 from camcal.observations import Intrinsics
 from camcal.threads import single_threaded

@@ -5,15 +5,9 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from camcal.compare import (
-    ParameterError,
-    PosedView,
-    ProjectionDifference,
-    ViewErrors,
-    parameter_errors,
-    projection_difference,
-    view_errors,
-)
+from camcal.compare.parameters import ParameterError, parameter_errors
+from camcal.compare.projection import ProjectionDifference, projection_difference
+from camcal.compare.views import PosedView, ViewErrors, view_errors
 from camcal.errors import InputError
 from camcal.formats.board_file import load_board
 from camcal.formats.camera_file import load_intrinsics

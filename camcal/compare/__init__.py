@@ -1,0 +1,1 @@
+"""How far two cameras disagree: in pixels over the image, per parameter, and per view."""
