@@ -34,5 +34,5 @@ def shoot(board, pose: Pose, *, camera=CAMERA, blur_px: float = 0.7, noise: floa
 
 def errors_px(found, truth) -> np.ndarray:
     """Differences (N, 2) of a detection's corners to the true ones of the same ids."""
-    position = {feature: corner for feature, corner in zip(truth.ids.tolist(), truth.corners_px, strict=True)}
+    position = dict(zip(truth.ids.tolist(), truth.corners_px, strict=True))
     return found.corners_px - np.array([position[feature] for feature in found.ids.tolist()])

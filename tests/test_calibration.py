@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
-from scenes import BOARD, CAMERA, detections, poses
+from scenes import BOARD, CAMERA, WIDE_DISTANCES, WIDE_REACH, detections, poses
 
+from camcal.boards.aprilgrid import AprilGrid
 from camcal.boards.checkerboard import Checkerboard
-from camcal.calibration.causes import solve_board
-from camcal.calibration.gates import quality_problems
-from camcal.calibration.parameters import free_names, parse_distortion
+from camcal.calibration.causes import quarter_turn, solve_board
+from camcal.calibration.finish import descend
+from camcal.calibration.gates import capture_warnings, quality_problems
+from camcal.calibration.normal_equations import Observations, State
+from camcal.calibration.parameters import DEFAULT_DISTORTION, free_names, parse_distortion, places
 from camcal.calibration.solve import solve
 from camcal.errors import DetectionError, InputError, SolveError
 from camcal.geometry.camera import Camera
@@ -59,6 +63,61 @@ def test_every_coefficient_can_be_free(free):
     solved = solve(detections(poses(25, 5, camera=truth), camera=truth), POINTS, distortion=names)
     assert solved.free == ("fx", "fy", "cx", "cy", *names)
     assert np.abs(solved.camera.intrinsics - truth.intrinsics).max() < 1e-6
+
+
+def lens(focal, coefficients, principal=(645, 470)):
+    """A camera of 1280x960 pixels."""
+    cx, cy = principal
+    return Camera((1280, 960), [[focal, 0, cx], [0, focal + 1, cy], [0, 0, 1]], coefficients)
+
+
+def rms_from_the_truth(views, camera, truth):
+    """RMS of the minimum that is reached from the true camera and poses: the right one."""
+    seen = Observations.gather(views, POINTS)
+    found = descend(State.of(camera, truth), seen, places(camera, free_names(DEFAULT_DISTORTION)))
+    return np.sqrt(found.cost / seen.view.size)
+
+
+@pytest.mark.parametrize(
+    ("count", "focal", "coefficients"),
+    [(15, 500, [-0.25, 0.05, 0, 0, -0.004]), (15, 350, [-0.22, 0.035, 0, 0, -0.002]), (3, 500, [-0.25, 0.05, 0, 0, -0.004])],
+)
+def test_wide_lenses_end_in_the_right_minimum(count, focal, coefficients):
+    """Corners out to twice the focal length from the centre: no board of 20 captures stays in the wrong pose."""
+    camera = lens(focal, coefficients)
+    for seed in range(20):
+        truth = poses(count, seed, camera=camera, tilt=0.4, reach=WIDE_REACH, distances=WIDE_DISTANCES)
+        views = detections(truth, camera=camera, noise_px=0.1, seed=seed)
+        # Both are the same minimum, found to 1e-13 of the sum of squares.
+        assert solve(views, POINTS).rms_px == pytest.approx(rms_from_the_truth(views, camera, truth), rel=1e-6), seed
+
+
+@pytest.mark.parametrize("principal", [(1279, 480), (1100, 100), (200, 700), (100, 900)])
+def test_principal_points_far_from_the_centre(principal):
+    """A cropped sensor's camera ends in the right minimum as well."""
+    camera = lens(900, [-0.1], principal)
+    for seed in range(6):
+        truth = poses(12, seed, camera=camera)
+        views = detections(truth, camera=camera, noise_px=0.1)
+        assert solve(views, POINTS).rms_px == pytest.approx(rms_from_the_truth(views, camera, truth), rel=1e-6), seed
+
+
+def test_opencv_starts_with_few_coefficients(monkeypatch):
+    """OpenCV is first asked for K and k1 alone, then for everything; and an ordinary capture needs no more than that."""
+    asked = []
+    original = cv2.calibrateCamera
+
+    def spy(*args, flags, **kwargs):
+        asked.append(flags)
+        return original(*args, flags=flags, **kwargs)
+
+    monkeypatch.setattr(cv2, "calibrateCamera", spy)
+    solve(detections(poses(12, 6), noise_px=0.1), POINTS)
+    first, second = asked
+    held = cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3
+    assert first & (held | cv2.CALIB_FIX_K1) == held
+    assert second & (held | cv2.CALIB_FIX_K1) == 0
+    assert second & cv2.CALIB_USE_INTRINSIC_GUESS
 
 
 def test_indistinguishable_coefficients_are_refused():
@@ -137,6 +196,22 @@ def test_fronto_parallel_views_are_refused():
         solve(detections(views, noise_px=0.02), POINTS)
 
 
+def test_a_focal_length_that_is_not_known_is_refused():
+    """Tilts below a degree leave a solvable system, but no focal length: the error gives its standard deviation."""
+    with pytest.raises(SolveError, match=r"fx and fy known to ±\d+ %.*Tilt the board") as caught:
+        solve(detections(poses(10, 2, tilt=0.01), noise_px=0.1), POINTS)
+    assert "--distortion" not in str(caught.value)
+
+
+def test_a_doubtful_focal_length_is_a_warning():
+    """Known to some percent only: solved, with a warning that gives the standard deviation and says to tilt."""
+    solved = solve(detections(poses(10, 2, tilt=0.03), noise_px=0.1), POINTS)
+    sigma = 100 * np.sqrt(np.diag(solved.covariance)[:2]) / np.diag(solved.camera.K)[:2]
+    (warning,) = capture_warnings(solved)
+    assert f"±{sigma.max():.2g} %" in warning
+    assert "Tilt the board" in warning
+
+
 def test_two_views_are_too_few():
     """Fewer than three usable views: an error that names the first rejected image and why."""
     with pytest.raises(DetectionError, match=r"got 2, expected at least 3.*bad\.png: no board"):
@@ -154,6 +229,138 @@ def test_views_with_too_few_corners_are_rejected_by_name():
         "few": "too few corners for a pose (got 5, expected at least 6)",
         "line": "all corners lie on one line",
     }
+
+
+def with_corners(view, corners_px):
+    """The same view with other corners."""
+    return replace(view, corners_px=corners_px)
+
+
+def grid(view):
+    """A view's corners as (rows, columns, 2)."""
+    return view.corners_px.reshape(6, 9, 2)
+
+
+@pytest.mark.parametrize(
+    ("corners", "reason"),
+    [
+        (np.tile([[300.0, 200.0]], (54, 1)), "one line or point of the image"),
+        (np.linspace([0, 0], [900, 700], 54), "one line or point of the image"),
+        (np.concatenate([[[9e6, 12.0]], np.mgrid[:53, :2][0] * [9.0, 7.0]]), "far outside the image .got 9e.06, 12"),
+    ],
+)
+def test_corners_that_no_board_shows_are_rejected_by_name(corners, reason):
+    """All on one pixel or line of the image, or one at nine million pixels: that view is left out, the others solved."""
+    views = detections(poses(8, 15), noise_px=0.02)
+    solved = solve([with_corners(views[3], corners), *views[:3], *views[4:]], POINTS)
+    (rejected,) = solved.rejected
+    assert rejected.source == "view_003"
+    assert re.search(reason, rejected.reason)
+    assert solved.covariance.tobytes() == solve(views[:3] + views[4:], POINTS).covariance.tobytes()
+
+
+def test_copies_of_a_view_hold_no_information():
+    """A view under a second name is rejected, so that copies neither shrink the uncertainty nor make up three views."""
+    views = detections(poses(8, 15), noise_px=0.1)
+    copies = [replace(view, source=f"{view.source}_copy") for view in views]
+    solved = solve(copies + views, POINTS)
+    assert solved.covariance.tobytes() == solve(views, POINTS).covariance.tobytes()
+    assert {r.reason for r in solved.rejected} == {f"the same view as {view.source}" for view in views}
+    with pytest.raises(DetectionError, match="got 2, expected at least 3"):
+        solve(views[:2] + copies[:2], POINTS)
+
+
+def test_a_view_of_garbage_is_named():
+    """Random corners in one view bend the camera until it is not determined: the error names that view."""
+    views = detections(poses(12, 6), noise_px=0.1)
+    garbage = with_corners(views[5], np.random.default_rng(0).uniform(0, 900, (54, 2)))
+    with pytest.raises(SolveError, match="view_005 fits worst"):
+        solve_board([garbage, *views[:5], *views[6:]], BOARD)
+
+
+def test_nothing_but_garbage_does_not_ask_for_tilt():
+    """Corners that fit no board in any view: the SPEC is the likely cause, not the tilt or the coefficients."""
+    rng = np.random.default_rng(0)
+    views = [with_corners(view, rng.uniform(0, 900, (54, 2))) for view in detections(poses(8, 6))]
+    with pytest.raises(SolveError, match=r"view_00. fits worst .*SPEC") as caught:
+        solve_board(views, BOARD)
+    assert "Tilt" not in str(caught.value)
+    assert "--distortion" not in str(caught.value)
+
+
+def test_an_outstanding_view_or_corner_is_a_warning():
+    """One view jittered by 3 px, or one corner moved by 12 px, is named; the result stands."""
+    views = detections(poses(12, 6), noise_px=0.1)
+    jitter = np.random.default_rng(1).normal(size=(54, 2)) * 3
+    (warning,) = capture_warnings(solve([*views[:4], with_corners(views[4], views[4].corners_px + jitter), *views[5:]], POINTS))
+    assert "view_004 fits worst" in warning
+    moved = views[4].corners_px.copy()
+    moved[20] += [0, 12]
+    (warning,) = capture_warnings(solve([*views[:4], with_corners(views[4], moved), *views[5:]], POINTS))
+    assert "view_004: corner 20 lies" in warning
+    assert capture_warnings(solve(views, POINTS)) == ()
+
+
+def test_mirrored_corners_are_refused():
+    """Corners numbered from the wrong side fit perfectly, to boards seen from behind: an error that says so."""
+    views = [with_corners(v, grid(v)[:, ::-1].reshape(-1, 2)) for v in detections(poses(9, 6), noise_px=0.1)]
+    with pytest.raises(SolveError, match=r"seen from behind in 9 of 9 views: the ids or the images are mirrored"):
+        solve_board(views, BOARD)
+
+
+def test_one_mirrored_view_is_a_warning():
+    """A single mirrored view is named, and the camera stands: it is counted by view, not on average."""
+    views = detections(poses(9, 6), noise_px=0.1)
+    mirrored = with_corners(views[2], grid(views[2])[:, ::-1].reshape(-1, 2))
+    solved = solve_board([*views[:2], mirrored, *views[3:]], BOARD)
+    (warning,) = capture_warnings(solved)
+    assert "view_002: the board is seen from behind (1 of 9 views)" in warning
+
+
+@pytest.mark.parametrize("extreme", [5e-324, 1e-300, 1e308])
+def test_extreme_sigmas_do_no_harm(extreme):
+    """A sigma off by hundreds of orders of magnitude weighs a hundredfold at most: no warning, and a camera as good.
+
+    Half of the corners alone give standard deviations about sqrt(2) times as large.
+    """
+    views = detections(poses(12, 6), noise_px=0.1)
+    sigma = np.ones(54)
+    sigma[::2] = extreme
+    solved = solve([replace(view, sigma_px=sigma) for view in views], POINTS)
+    plain = solve(views, POINTS)
+    assert np.abs(solved.camera.intrinsics - CAMERA.intrinsics)[0] < 4 * np.sqrt(2 * plain.covariance[0, 0])
+
+
+def test_covariance_is_exactly_symmetric():
+    """Not only up to the last bits."""
+    covariance = solve(detections(poses(9, 6), noise_px=0.1), POINTS).covariance
+    assert np.array_equal(covariance, covariance.T)
+
+
+@pytest.mark.parametrize(
+    ("board", "spec"),
+    [
+        (BOARD, "checkerboard:6x9:25mm"),
+        (AprilGrid(5, 4, 0.03, 0.009, family="tag25h9"), "aprilgrid:4x5:30mm:0.3:family=tag25h9"),
+    ],
+)
+def test_transposed_boards(board, spec):
+    """Rows and columns change places, everything else stays; a board with as many of both has no other."""
+    assert board.transposed.spec == spec
+    assert board.transposed.transposed == board
+    assert replace(board, columns=4, rows=4).transposed is None
+
+
+@pytest.mark.parametrize(("turn_deg", "noted"), [(0, False), (90, True), (180, False), (-90, True)])
+def test_quarter_turn_is_noted(turn_deg, noted):
+    """A 6x9 board whose long side runs across the image may be meant as 9x6; one that stands upright may not."""
+    board = Checkerboard(6, 9, 0.025)
+    solved = solve(detections(poses(8, 6, board=board), board=board), board.object_points)
+    turned = [Pose.from_rvec([0, 0, np.radians(turn_deg)], pose.t) for pose in solved.poses]
+    note = quarter_turn(replace(solved, poses=tuple(turned)), board)
+    assert (note is not None) == noted
+    assert note is None or "checkerboard:9x6:25mm" in note
+    assert quarter_turn(replace(solved, poses=tuple(turned)), BOARD) is None
 
 
 @pytest.mark.parametrize("seed", [16, 21, 22])

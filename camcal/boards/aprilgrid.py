@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -152,6 +152,11 @@ class AprilGrid:
     def pattern(self) -> Pattern:
         """Tags and corner squares, with one gap of white around the outer squares (two around the outer tags)."""
         return _pattern(self)
+
+    @property
+    def transposed(self) -> AprilGrid | None:
+        """The board with rows and columns swapped; None if it has as many of both."""
+        return None if self.columns == self.rows else replace(self, columns=self.rows, rows=self.columns)
 
     @property
     def symmetries(self) -> tuple[Symmetry, ...]:

@@ -101,3 +101,8 @@ class Board(Protocol):
     def symmetries(self) -> tuple[Symmetry, ...]:
         """Every turn, other than none, that leaves the print unchanged (empty if the board has one orientation)."""
         ...
+
+    @property
+    def transposed(self) -> Board | None:
+        """The board with rows and columns swapped, which a SPEC is easily mistaken for; None if there is no other."""
+        ...

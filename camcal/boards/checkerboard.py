@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -75,6 +75,11 @@ class Checkerboard:
     def pattern(self) -> Pattern:
         """The squares, with one square side of white around them."""
         return _pattern(self)
+
+    @property
+    def transposed(self) -> Checkerboard | None:
+        """The board with rows and columns swapped; None if it has as many of both."""
+        return None if self.columns == self.rows else replace(self, columns=self.rows, rows=self.columns)
 
     @property
     def symmetries(self) -> tuple[Symmetry, ...]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from camcal.calibration.normal_equations import NormalEquations, Observations, State, residuals
-from camcal.errors import SolveError
+from camcal.calibration.normal_equations import NormalEquations, Observations, State, view_costs
 from camcal.geometry.arrays import IntArray
 
 _MOST_STEPS = 100
@@ -21,7 +22,26 @@ _ABSOLUTE_DECREASE_PX2 = 1e-24
 _CREEPING_DECREASE = 1e-5
 
 
-def minimise(start: State, seen: Observations, columns: IntArray) -> State:
+@dataclass(frozen=True, slots=True, eq=False)
+class Descent:
+    """Where a descent ended.
+
+    Attributes
+    ----------
+    state : State
+        The lowest state it reached.
+    cost : float
+        Its weighted sum of squared residuals, px²; inf if a point falls behind the camera.
+    failure : str
+        Why it is no minimum, as a clause; empty if it is one.
+    """
+
+    state: State
+    cost: float
+    failure: str = ""
+
+
+def descend(start: State, seen: Observations, columns: IntArray) -> Descent:
     """Minimise the weighted sum of squared residuals.
 
     Parameters
@@ -34,42 +54,35 @@ def minimise(start: State, seen: Observations, columns: IntArray) -> State:
 
     Returns
     -------
-    State
-        The minimum.
-
-    Raises
-    ------
-    SolveError
-        If the system is singular or the minimum is not reached.
+    Descent
     """
     state, damping, decrease = start, 0.0, np.inf
     cost = _cost(state, seen)
+    if not np.isfinite(cost):
+        return Descent(state, cost, "a board ends up behind the camera")
     for _ in range(_MOST_STEPS):
         try:
             step = NormalEquations.build(state, seen, columns)
             d_intrinsics, d_poses, decrease = step.solve(damping)
-        except np.linalg.LinAlgError as error:
-            raise SolveError(
-                "solve: the views do not determine the camera (singular system). Tilt the board 20-45° in different directions."
-            ) from error
+        except np.linalg.LinAlgError:
+            return Descent(state, cost, "the views do not determine the camera (singular system)")
         small = _RELATIVE_DECREASE * cost + _ABSOLUTE_DECREASE_PX2 * seen.view.size
-        if damping == 0 and 0 <= decrease <= small:
-            return _better(state, _step(state, columns, d_intrinsics, d_poses), seen, cost)
         trial = _step(state, columns, d_intrinsics, d_poses)
         trial_cost = _cost(trial, seen) if trial is not None else np.inf
+        if damping == 0 and 0 <= decrease <= small:
+            # The last tiny step is taken only if it does not make things worse.
+            return Descent(trial, trial_cost) if trial is not None and trial_cost <= cost else Descent(state, cost)
         if trial is not None and trial_cost < cost:
             state, cost = trial, trial_cost
             damping = damping / _DAMPING_GROWTH if damping > _FIRST_DAMPING else 0.0
         elif decrease <= 100 * small:
             # The arithmetic cannot tell a better state from this one any more.
-            return state
+            return Descent(state, cost)
         else:
             damping = max(_FIRST_DAMPING, damping * _DAMPING_GROWTH)
             if damping > _LARGEST_DAMPING:
                 break
-    if 0 <= decrease <= _CREEPING_DECREASE * cost:
-        return state
-    raise SolveError("solve: not converged. Check the board's SPEC against the print, and remove views that do not belong.")
+    return Descent(state, cost, "" if 0 <= decrease <= _CREEPING_DECREASE * cost else "not converged")
 
 
 def _step(state: State, columns: IntArray, d_intrinsics: np.ndarray, d_poses: np.ndarray) -> State | None:
@@ -80,12 +93,6 @@ def _step(state: State, columns: IntArray, d_intrinsics: np.ndarray, d_poses: np
         return None
 
 
-def _better(state: State, trial: State | None, seen: Observations, cost: float) -> State:
-    """Take the last tiny step only if it does not make things worse."""
-    return trial if trial is not None and _cost(trial, seen) <= cost else state
-
-
 def _cost(state: State, seen: Observations) -> float:
     """Weighted sum of squares in px²; inf where a point falls behind the camera."""
-    cost = float(((residuals(state, seen) * seen.weights[:, None]) ** 2).sum())
-    return cost if np.isfinite(cost) else float("inf")
+    return float(view_costs(state, seen).sum())

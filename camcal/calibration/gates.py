@@ -5,11 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from camcal.boards.base import Board
-from camcal.calibration.causes import LARGEST_RMS_PX, swapped_board
+from camcal.calibration.advice import capture_advice, outstanding_view, worst_view
+from camcal.calibration.causes import seen_from_behind, swapped_board
+from camcal.calibration.limits import (
+    ASPECT_RANGE,
+    DOUBTFUL_RELATIVE_FOCAL_SIGMA,
+    LARGEST_RMS_PX,
+    OUTSTANDING_RMS_PX,
+)
 from camcal.calibration.parameters import distortion_names
 from camcal.observations import Calibration
 
-ASPECT_RANGE = (0.8, 1.25)
+# The typical residual is Rayleigh-distributed noise: beyond 10 times its median lies one corner in 10^30.
+_OUTSTANDING_CORNER_RATIO = 10.0
+# More than these are no slips of a single corner: the view as a whole is named.
+_FEW_CORNERS = 3
 
 
 def quality_problems(calibration: Calibration, board: Board, *, anamorphic: bool = False) -> tuple[str, ...]:
@@ -36,12 +46,77 @@ def quality_problems(calibration: Calibration, board: Board, *, anamorphic: bool
     return tuple(problem for problem in checks if problem)
 
 
+def capture_warnings(calibration: Calibration) -> tuple[str, ...]:
+    """List what a person should know about a capture that can be trusted all the same; empty if nothing stands out.
+
+    Parameters
+    ----------
+    calibration : Calibration
+
+    Returns
+    -------
+    tuple of str
+        Each says what was found and what to do.
+    """
+    checks = (
+        _doubtful_focal_length(calibration),
+        _few_from_behind(calibration),
+        _outstanding_corner(calibration) or _outstanding_view(calibration),
+    )
+    return tuple(warning for warning in checks if warning)
+
+
+def _doubtful_focal_length(calibration: Calibration) -> str | None:
+    relative = np.sqrt(np.diag(calibration.covariance)[:2]) / np.diag(calibration.camera.K)[:2]
+    if relative.max() <= DOUBTFUL_RELATIVE_FOCAL_SIGMA:
+        return None
+    return (
+        f"the focal length is known to ±{100 * relative.max():.2g} % only (expected at most "
+        f"{100 * DOUBTFUL_RELATIVE_FOCAL_SIGMA:g} %). {capture_advice(calibration.free)}"
+    )
+
+
+def _few_from_behind(calibration: Calibration) -> str | None:
+    behind = np.flatnonzero(seen_from_behind(calibration))
+    if not behind.size:
+        return None
+    return (
+        f"{calibration.detections[behind[0]].source}: the board is seen from behind ({behind.size} of "
+        f"{len(calibration.poses)} views). Check that neither its ids nor the image are mirrored."
+    )
+
+
+def _outstanding_view(calibration: Calibration) -> str | None:
+    rms_px = np.array(calibration.view_rms_px)
+    return None if outstanding_view(rms_px) is None else worst_view(rms_px, calibration.detections, calibration.free)
+
+
+def _outstanding_corner(calibration: Calibration) -> str | None:
+    length = [np.linalg.norm(residual, axis=1) for residual in calibration.residuals_px]
+    typical = float(np.median(np.concatenate(length)))
+    limit = max(OUTSTANDING_RMS_PX, _OUTSTANDING_CORNER_RATIO * typical)
+    count = sum(int((each > limit).sum()) for each in length)
+    if not 0 < count <= _FEW_CORNERS:
+        return None
+    view = int(np.argmax([each.max() for each in length]))
+    corner = int(np.argmax(length[view]))
+    detection = calibration.detections[view]
+    return (
+        f"{detection.source}: corner {detection.ids[corner]} lies {length[view][corner]:.3g} px from where it should "
+        f"({typical:.2g} px is typical; {count} such corners in all). Look at that image, or leave it out."
+    )
+
+
 def _large_rms(calibration: Calibration, board: Board) -> str | None:
     rms = calibration.rms_px
     if rms <= LARGEST_RMS_PX:
         return None
     swapped = swapped_board(calibration.detections, board, distortion_names(calibration.free))
-    advice = swapped or "Check the board's SPEC against the print, that the board is flat, and that the lens is no fisheye."
+    advice = (
+        swapped
+        or _outstanding_view(calibration)
+        or "Check the board's SPEC against the print, that the board is flat, and that the lens is no fisheye."
+    )
     return f"RMS reprojection error is {rms:.3g} px (expected at most {LARGEST_RMS_PX:g}). {advice}"
 
 

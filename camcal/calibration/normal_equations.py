@@ -7,7 +7,7 @@ Eliminating the poses leaves a system as small as the number of free intrinsics 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,10 @@ from camcal.geometry.arrays import FloatArray, IntArray
 from camcal.geometry.camera import Camera
 from camcal.geometry.pose import Pose, rotate_with_jacobian, rotation_from_rvec
 from camcal.observations import Detection
+
+# No corner is a hundred times better than the median one, whatever its sigma says: the lens model and the flatness of
+# the board are not. One that is a hundred times worse has no say either way, and more would only cost digits.
+_WEIGHT_RANGE = 100.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +31,7 @@ class Observations:
         Features in metres, board frame.
     corners_px : ndarray of shape (M, 2)
     weights : ndarray of shape (M,)
-        Factor on each residual: one over its standard deviation, relative to the median corner's.
+        Factor on each residual: one over its standard deviation, relative to the median corner's; from 1/100 to 100.
     view : ndarray of shape (M,)
         Index of each corner's view.
     starts : ndarray of shape (V,)
@@ -42,18 +46,22 @@ class Observations:
 
     @classmethod
     def gather(cls, detections: Sequence[Detection], object_points: FloatArray) -> Observations:
-        """Flatten detections; corners whose standard deviation is not known weigh as much as the median corner."""
+        """Flatten detections; every corner weighs the same."""
         counts = np.array([len(d) for d in detections])
-        sigma = np.concatenate([d.sigma_px for d in detections])
-        known = np.isfinite(sigma) & (sigma > 0)
-        typical = np.median(sigma[known]) if known.any() else 1.0
         return cls(
             points_board=np.concatenate([object_points[d.ids] for d in detections]),
             corners_px=np.concatenate([d.corners_px for d in detections]),
-            weights=typical / np.where(known, sigma, typical),
+            weights=np.ones(counts.sum()),
             view=np.repeat(np.arange(counts.size), counts),
             starts=np.concatenate([[0], np.cumsum(counts)[:-1]]),
         )
+
+    def weighted(self, sigma_px: FloatArray) -> Observations:
+        """Return the same corners, each weighed by its standard deviation, shape (M,), finite and positive."""
+        # Logarithms, because the ratio of two floats may be none.
+        log_sigma = np.log(sigma_px)
+        finer = np.clip(np.median(log_sigma) - log_sigma, -np.log(_WEIGHT_RANGE), np.log(_WEIGHT_RANGE))
+        return replace(self, weights=np.exp(finer))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,6 +104,19 @@ def residuals(state: State, seen: Observations) -> FloatArray:
         points_cam[:, :2] / np.where(points_cam[:, 2:] > 0, points_cam[:, 2:], np.nan)
     )
     return seen.corners_px - state.camera.pixels_from_normalised(distorted)
+
+
+def view_costs(state: State, seen: Observations) -> FloatArray:
+    """Weighted sum of squared residuals of each view: (V,) px²; inf for a view with a point behind the camera."""
+    squares = ((residuals(state, seen) * seen.weights[:, None]) ** 2).sum(axis=1)
+    return np.add.reduceat(np.where(np.isfinite(squares), squares, np.inf), seen.starts)
+
+
+def view_rms(state: State, seen: Observations) -> FloatArray:
+    """Weighted RMS residual length of each view, shape (V,), pixels; inf where a point falls behind the camera."""
+    counts = np.diff(np.append(seen.starts, seen.view.size))
+    rms: FloatArray = np.sqrt(view_costs(state, seen) / counts)
+    return rms
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -200,7 +221,8 @@ class NormalEquations:
         condition = float(np.linalg.cond(S))
         inverse = np.linalg.inv(S)
         pose_variance = np.diagonal(np.linalg.inv(self.C), axis1=1, axis2=2) + ((Ci_Bt @ inverse) * Ci_Bt).sum(axis=-1)
-        covariance: FloatArray = variance_px2 * inverse / np.outer(self.scale, self.scale)
+        # The inverse of a symmetric matrix comes out symmetric only up to the last bits.
+        covariance: FloatArray = variance_px2 * (inverse + inverse.T) / 2 / np.outer(self.scale, self.scale)
         return covariance, np.sqrt(variance_px2 * np.maximum(pose_variance, 0)) / self.pose_scale, condition
 
     def _eliminate(self, C: FloatArray) -> tuple[FloatArray, FloatArray]:

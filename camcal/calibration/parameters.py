@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import difflib
 
+import numpy as np
+
 from camcal.errors import InputError
+from camcal.geometry.arrays import IntArray
+from camcal.geometry.camera import Camera
+from camcal.geometry.distortion import BrownConrady
 
 PINHOLE = ("fx", "fy", "cx", "cy")
 """Always free; skew stays 0, because cv2.calibrateCamera cannot start from anything else."""
 
-_COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+COEFFICIENTS = BrownConrady(np.zeros(0)).coefficient_names
+"""Names of the distortion coefficients in stored order, which is OpenCV's."""
+
 DEFAULT_DISTORTION = ("k1", "k2", "k3")
+_LATER = ("k2", "k3", "k4", "k5", "k6")
 
 
 def parse_distortion(text: str) -> tuple[str, ...]:
@@ -40,24 +48,34 @@ def parse_distortion(text: str) -> tuple[str, ...]:
     if names == ["none"]:
         return ()
     for name in names:
-        if name not in _COEFFICIENTS:
-            near = difflib.get_close_matches(name, _COEFFICIENTS, n=1, cutoff=0.3)
+        if name not in COEFFICIENTS:
+            near = difflib.get_close_matches(name, COEFFICIENTS, n=1, cutoff=0.3)
             hint = f" Did you mean {near[0]}?" if near else ""
             raise InputError(
-                f"--distortion: unknown coefficient (got {name!r}, expected some of {', '.join(_COEFFICIENTS)}).{hint}"
+                f"--distortion: unknown coefficient (got {name!r}, expected some of {', '.join(COEFFICIENTS)}).{hint}"
             )
     if not names or len(set(names)) != len(names):
         raise InputError(f"--distortion: each coefficient once (got {text!r}, expected e.g. 'k1,k2,k3' or 'none').")
     if ("p1" in names) != ("p2" in names):
         raise InputError(f"--distortion: p1 and p2 go together (got {text!r}). Name both or neither.")
-    return tuple(name for name in _COEFFICIENTS if name in names)
+    return tuple(name for name in COEFFICIENTS if name in names)
 
 
 def free_names(distortion: tuple[str, ...]) -> tuple[str, ...]:
     """Names of all free intrinsics, in the order of `Camera.intrinsic_names`."""
-    return PINHOLE + tuple(name for name in _COEFFICIENTS if name in distortion)
+    return PINHOLE + tuple(name for name in COEFFICIENTS if name in distortion)
 
 
 def distortion_names(free: tuple[str, ...]) -> tuple[str, ...]:
     """Names of the free distortion coefficients among all free intrinsics."""
     return tuple(name for name in free if name not in PINHOLE)
+
+
+def first_stage(free: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the free intrinsics without the higher coefficients, which run away while the poses are wrong."""
+    return tuple(name for name in free if name not in _LATER)
+
+
+def places(camera: Camera, names: tuple[str, ...]) -> IntArray:
+    """Places of named intrinsics in `Camera.intrinsics`, shape (F,)."""
+    return np.array([camera.intrinsic_names.index(name) for name in names])

@@ -1,4 +1,4 @@
-"""The robust start: `cv2.calibrateCamera` solves for K and k1 first, then for everything that is free."""
+"""Starts from `cv2.calibrateCamera`, which works in single precision: the descent needs no better."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from camcal.errors import SolveError
+from camcal.calibration.normal_equations import State
+from camcal.calibration.parameters import COEFFICIENTS, first_stage
 from camcal.geometry.arrays import FloatArray
 from camcal.geometry.camera import Camera
 from camcal.geometry.pose import Pose
 from camcal.observations import Detection
-from camcal.threads import single_threaded
 
 _FIX = {
     "k1": cv2.CALIB_FIX_K1,
@@ -23,15 +23,12 @@ _FIX = {
     "k6": cv2.CALIB_FIX_K6,
 }
 _RATIONAL = ("k4", "k5", "k6")
-_MORE_TILT = "Add views that tilt the board 20-45° in different directions."
 
 
 def opencv_start(
-    detections: Sequence[Detection], object_points: FloatArray, free: tuple[str, ...]
-) -> tuple[Camera, tuple[Pose, ...]]:
-    """Solve with OpenCV, in its single precision.
-
-    Solving for K and k1 alone first keeps the higher coefficients from running away before the poses are right.
+    detections: Sequence[Detection], object_points: FloatArray, free: tuple[str, ...], *, staged: bool = True
+) -> State | None:
+    """Solve with OpenCV.
 
     Parameters
     ----------
@@ -41,35 +38,31 @@ def opencv_start(
         The board's features in metres.
     free : tuple of str
         Names of the free intrinsics.
+    staged : bool
+        Whether K and k1 are solved for first, alone: that keeps the higher coefficients from running away before the
+        poses are right.
 
     Returns
     -------
-    camera : Camera
-    poses : tuple of Pose
-        T_cam_board of each view.
-
-    Raises
-    ------
-    SolveError
-        If OpenCV refuses the views or answers with something that is not finite.
+    State or None
+        None if OpenCV refuses the views or answers with something that is no camera.
     """
     points = [np.ascontiguousarray(object_points[d.ids], dtype=np.float32) for d in detections]
     corners = [np.ascontiguousarray(d.corners_px, dtype=np.float32) for d in detections]
     size = detections[0].size
-    first = tuple(name for name in free if name not in _FIX or name == "k1")
-    with single_threaded():
-        K, dist, *_ = _solve(points, corners, size, _flags(first), None)
-        K, dist, rvecs, tvecs = _solve(points, corners, size, _flags(free) | cv2.CALIB_USE_INTRINSIC_GUESS, (K, dist))
-    dist = dist.copy()
-    dist[[i for i, name in enumerate(("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")) if name not in free]] = 0
+    K, dist = np.eye(3), np.zeros(len(COEFFICIENTS))
+    flags = _flags(free)
     try:
-        camera = Camera(size, K, dist)
-        poses = tuple(Pose.from_rvec(rvec, tvec) for rvec, tvec in zip(rvecs, tvecs, strict=True))
-    except ValueError as error:
-        raise SolveError(
-            f"solve: OpenCV's answer is not a camera ({error}). Check the board's SPEC against the print."
-        ) from error
-    return camera, poses
+        if staged:
+            _, K_found, found, *_ = cv2.calibrateCamera(points, corners, size, K, dist, flags=_flags(first_stage(free)))
+            K, dist = np.asarray(K_found, dtype=np.float64), _eight(found)
+            flags |= cv2.CALIB_USE_INTRINSIC_GUESS
+        _, K_found, found, rvecs, tvecs = cv2.calibrateCamera(points, corners, size, K, dist, flags=flags)
+        camera = Camera(size, K_found, np.where(np.isin(COEFFICIENTS, free), _eight(found), 0.0))
+        poses = [Pose.from_rvec(np.ravel(rvec), np.ravel(tvec)) for rvec, tvec in zip(rvecs, tvecs, strict=True)]
+    except (cv2.error, ValueError):
+        return None
+    return State.of(camera, poses)
 
 
 def _flags(free: tuple[str, ...]) -> int:
@@ -85,21 +78,9 @@ def _flags(free: tuple[str, ...]) -> int:
     return flags
 
 
-def _solve(
-    points: list[np.ndarray],
-    corners: list[np.ndarray],
-    size: tuple[int, int],
-    flags: int,
-    guess: tuple[FloatArray, FloatArray] | None,
-) -> tuple[FloatArray, FloatArray, list[FloatArray], list[FloatArray]]:
-    """Call cv2.calibrateCamera; everything comes back float64 and flat, the distortion as (8,)."""
-    K, dist = (np.eye(3), np.zeros(8)) if guess is None else (guess[0].copy(), guess[1].copy())
-    try:
-        rms, K_found, found, rvecs, tvecs = cv2.calibrateCamera(points, corners, size, K, dist, flags=flags)
-    except cv2.error as error:
-        raise SolveError(f"solve: OpenCV cannot start from these views ({error.err}). {_MORE_TILT}") from error
-    K, full = np.asarray(K_found, dtype=np.float64), np.zeros(8)
-    full[: min(8, found.size)] = np.ravel(found)[:8]
-    if not (np.isfinite(rms) and np.isfinite(K).all() and np.isfinite(full).all()):
-        raise SolveError(f"solve: OpenCV's answer is not finite. {_MORE_TILT}")
-    return K, full, [np.ravel(v).astype(np.float64) for v in rvecs], [np.ravel(v).astype(np.float64) for v in tvecs]
+def _eight(dist: np.ndarray) -> FloatArray:
+    """OpenCV's distortion, of whatever length and shape, as (8,)."""
+    full = np.zeros(len(COEFFICIENTS))
+    found = np.ravel(dist)[: full.size]
+    full[: found.size] = found
+    return full

@@ -6,31 +6,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-import click
-
-from camcal import __version__
-from camcal.cli.board import board
-from camcal.cli.calibrate import calibrate
-from camcal.cli.demo import demo
-from camcal.cli.synth import synth
-from camcal.cli.undistort import undistort
-from camcal.cli.verify import verify
-from camcal.errors import INTERRUPTED_EXIT_CODE, CamcalError
-
-_EPILOG = "Example: camcal demo"
-
-
-@click.group(epilog=_EPILOG, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
-@click.version_option(__version__, prog_name="camcal", message="%(prog)s %(version)s")
-def cli() -> None:
-    """Calibrate cameras from photographs of a printed board, and take the lens out of images.
-
-    Exit codes: 0 done, 2 bad input, 3 too few boards found, 4 not solvable, 5 result not to be trusted, 130 interrupted.
-    """
-
-
-for _command in (demo, board, synth, calibrate, undistort, verify):
-    cli.add_command(_command)
+from camcal.errors import INTERRUPTED_EXIT_CODE
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -43,19 +19,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     # Parallel work runs on one thread per image; BLAS threads would only compete with them.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    _replace_closed_streams()
     try:
-        cli.main(args=arguments, prog_name="camcal", standalone_mode=False)
-    except click.ClickException as error:
-        error.show()
-        return error.exit_code
-    except CamcalError as error:
-        click.echo(f"camcal: {error}", err=True)
-        return error.exit_code
-    except (click.Abort, KeyboardInterrupt):
-        click.echo("camcal: interrupted; every file that was written is whole.", err=True)
+        # Start-up is mostly this import, so that Ctrl-C has to be expected here too.
+        from camcal.cli.app import run
+
+        return run(sys.argv[1:] if arguments is None else arguments)
+    except KeyboardInterrupt:
+        from camcal.cli.console import complain
+
+        complain("interrupted; every file that was written is whole.")
         return INTERRUPTED_EXIT_CODE
-    except BrokenPipeError:
-        # Whoever read our output has gone; nothing more can be said, and Python must not try at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
-    return 0
+
+
+def _replace_closed_streams() -> None:
+    """Let go nowhere what is written to a stream that the caller closed (`>&-`), which Python shows as None."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115, PTH123 - stays open; pathlib imports slowly
+
+
+def __getattr__(name: str) -> object:
+    """Import the click group `cli` when it is asked for."""
+    if name != "cli":
+        raise AttributeError(f"module 'camcal.cli' has no attribute {name!r}")
+    from camcal.cli.app import cli
+
+    return cli

@@ -5,15 +5,17 @@ from __future__ import annotations
 import click
 
 from camcal.cli import options
+from camcal.cli.console import say
 
 
-@click.command(epilog="Example: camcal board checkerboard:9x6:25mm -o board.pdf")
+@click.command(cls=options.Command, epilog="Example: camcal board checkerboard:9x6:25mm -o board.pdf")
 @click.argument("spec")
-@click.option("-o", "--output", required=True, type=click.Path(dir_okay=False), help="Page to write: .pdf, .svg or .png.")
+@click.option("-o", "--output", required=True, metavar="FILE", help="Page to write: .pdf, .svg or .png.")
 @click.option("--paper", default="auto", show_default=True, metavar="a4|a3|letter|WxHmm", help="Paper size.")
 @click.option("--landscape", is_flag=True, help="Turn the paper onto its long side.")
 @click.option("--dpi", default=300, show_default=True, type=click.IntRange(min=1), help="Resolution of a PNG.")
 @options.force
+@options.help_option
 def board(*, spec: str, output: str, paper: str, landscape: bool, dpi: int, force: bool) -> None:
     """Write a board as a page to print, true to scale.
 
@@ -23,5 +25,5 @@ def board(*, spec: str, output: str, paper: str, landscape: bool, dpi: int, forc
     from camcal.workflows.board import board as print_board
 
     page = print_board(spec, output, paper=paper, landscape=landscape, dpi=dpi, force=force)
-    click.echo(f"{output}: {page.spec} on {page.width_mm:g} x {page.height_mm:g} mm.")
-    click.echo(f"Print at 100 %, measure the ruler, and calibrate with --board {page.spec}")
+    say(f"{output}: {page.spec} on {page.width_mm:g} x {page.height_mm:g} mm.")
+    say(f"Print at 100 %, measure the ruler, and calibrate with --board {page.spec}")

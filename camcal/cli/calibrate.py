@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import click
 
 from camcal.cli import options
-from camcal.cli.console import ConsoleReporter, print_json, print_table
-from camcal.errors import QualityError
+from camcal.cli.console import ConsoleReporter, print_json
+from camcal.errors import InputError, QualityError
 
-if TYPE_CHECKING:
-    from camcal.workflows.calibrate import CalibrationRun
+_LONGEST_NAME = 1000
 
 
-@click.command(epilog="Example: camcal calibrate photos/ --board checkerboard:9x6:25mm -o calib/")
+@click.command(cls=options.Command, epilog="Example: camcal calibrate photos/ --board checkerboard:9x6:25mm -o calib/")
 @click.argument("images", nargs=-1, required=True)
 @click.option("--board", required=True, metavar="SPEC", help="One-liner, sample board or board file.")
-@click.option("-o", "--output", required=True, type=click.Path(file_okay=False), help="Folder for the results.")
+@click.option("-o", "--output", required=True, metavar="DIR", help="Folder for the results.")
 @click.option(
     "--distortion", default="k1,k2,k3", show_default=True, metavar="NAMES", help="Free coefficients; the others stay 0."
 )
+@options.refine
 @click.option("--anamorphic", is_flag=True, help="Accept pixels that are far from square.")
 @click.option("--only-used", is_flag=True, help="With a corners.csv: keep its choice of corners.")
 @click.option("--undistort", is_flag=True, help="Write the undistorted images as well.")
@@ -28,12 +26,14 @@ if TYPE_CHECKING:
 @options.jobs
 @options.force
 @options.as_json
+@options.help_option
 def calibrate(
     *,
     images: tuple[str, ...],
     board: str,
     output: str,
     distortion: str,
+    refine: str,
     anamorphic: bool,
     only_used: bool,
     undistort: bool,
@@ -47,6 +47,7 @@ def calibrate(
     IMAGES are files, folders or globs, or one corners.csv, whose corners are then solved without any detection. Writes
     camera.yaml, views.yaml, corners.csv and board.yaml. Exit code 5 when the result is written but must not be trusted.
     """
+    _check_name(name)
     from camcal.workflows.calibrate import calibrate as run_calibration
 
     run = run_calibration(
@@ -54,6 +55,7 @@ def calibrate(
         board,
         output,
         distortion=distortion,
+        refine=refine,
         anamorphic=anamorphic,
         only_used=only_used,
         undistort=undistort,
@@ -65,21 +67,15 @@ def calibrate(
     if as_json:
         print_json(run.as_dict())
     else:
-        print_calibration(run)
+        from camcal.cli.summary import print_calibration
+
+        print_calibration(run, images, undistort)
     if run.intrinsics.problems:
         raise QualityError(f"{run.folder}: written, but must not be trusted: " + " ".join(run.intrinsics.problems))
 
 
-def print_calibration(run: CalibrationRun) -> None:
-    """Print the parameters with their standard deviations, and what they rest on."""
-    known, sigma = run.intrinsics, run.intrinsics.sigma
-    values = dict(zip(known.camera.intrinsic_names, known.camera.intrinsics.tolist(), strict=True))
-    rows = [(name, f"{values[name]:.8g}", f"{sigma[name]:.3g}") for name in known.free]
-    width, height = known.camera.size
-    print_table(f"{known.name}: {width}x{height}", ("", "value", "std. dev."), rows)
-    rejected = len(run.calibration.rejected)
-    click.echo(
-        f"RMS {known.rms_px:.4f} px over {known.corners} corners in {known.views} views"
-        + (f", {rejected} rejected" if rejected else "")
-    )
-    click.echo(f"written to {run.folder}")
+def _check_name(name: str) -> None:
+    """Refuse a name of the camera that a text file could not hold on one line."""
+    if not name.isprintable() or len(name) > _LONGEST_NAME:
+        got = repr(name) if len(name) <= _LONGEST_NAME else f"{len(name)} characters"
+        raise InputError(f"--name: not a name (got {got}, expected one line of at most {_LONGEST_NAME} characters in UTF-8).")

@@ -5,16 +5,16 @@ from __future__ import annotations
 import click
 
 from camcal.cli import options
-from camcal.cli.console import ConsoleReporter
+from camcal.cli.console import ConsoleReporter, print_facts
 from camcal.cli.verify import print_verification
+from camcal.errors import QualityError
 
 
-@click.command(epilog="Example: camcal demo -o camcal-demo/")
-@click.option(
-    "-o", "--output", default="camcal-demo", show_default=True, type=click.Path(file_okay=False), help="Folder to fill."
-)
+@click.command(cls=options.Command, epilog="Example: camcal demo -o camcal-demo/")
+@click.option("-o", "--output", default="camcal-demo", show_default=True, metavar="DIR", help="Folder to fill.")
 @options.jobs
 @options.force
+@options.help_option
 def demo(output: str, jobs: int | None, force: bool) -> None:
     """Show the whole chain: render a dataset, calibrate from its pixels, undistort it, compare with the truth."""
     from camcal.workflows.demo import demo as run_demo
@@ -22,6 +22,12 @@ def demo(output: str, jobs: int | None, force: bool) -> None:
     shown = run_demo(output, force=force, jobs=jobs, reporter=ConsoleReporter())
     print_verification(shown.verification)
     made, run, done = shown.synthesis, shown.calibration, shown.undistortion
-    click.echo(f"rendered images and truth   {made.folder}")
-    click.echo(f"calibration                 {run.folder}")
-    click.echo(f"undistorted images          {done.folder}")
+    print_facts(
+        {
+            "rendered images and truth": str(made.folder),
+            "calibration": str(run.folder),
+            "undistorted images": str(done.folder),
+        }
+    )
+    if shown.verification.problems:
+        raise QualityError("demo: " + "; ".join(shown.verification.problems) + ".")

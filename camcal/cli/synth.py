@@ -5,14 +5,15 @@ from __future__ import annotations
 import click
 
 from camcal.cli import options
-from camcal.cli.console import ConsoleReporter
+from camcal.cli.console import ConsoleReporter, say
 
 
-@click.command(epilog="Example: camcal synth webcam_720p -o data/")
+@click.command(cls=options.Command, epilog="Example: camcal synth webcam_720p -o data/")
 @click.argument("config")
-@click.option("-o", "--output", required=True, type=click.Path(file_okay=False), help="Folder for images and truth.")
+@click.option("-o", "--output", required=True, metavar="DIR", help="Folder for images and truth.")
 @options.jobs
 @options.force
+@options.help_option
 def synth(config: str, output: str, jobs: int | None, force: bool) -> None:
     """Render a board through a known camera, with the exact truth beside the images.
 
@@ -24,4 +25,4 @@ def synth(config: str, output: str, jobs: int | None, force: bool) -> None:
 
     made = render(config, output, force=force, jobs=jobs, reporter=ConsoleReporter())
     views, board = made.scenario.views.count, made.scenario.board.spec
-    click.echo(f"{made.folder}: {views} views of {board}, {made.corners} corners, with their truth.")
+    say(f"{made.folder}: {views} views of {board}, {made.corners} corners, with their truth.")

@@ -5,13 +5,13 @@ from __future__ import annotations
 import click
 
 from camcal.cli import options
-from camcal.cli.console import ConsoleReporter
+from camcal.cli.console import ConsoleReporter, say
 
 
-@click.command(epilog="Example: camcal undistort photos/ --camera calib/camera.yaml -o undistorted/")
+@click.command(cls=options.Command, epilog="Example: camcal undistort photos/ --camera calib/camera.yaml -o undistorted/")
 @click.argument("inputs", nargs=-1, required=True)
-@click.option("--camera", required=True, type=click.Path(exists=True), help="Camera file, or a folder written by `calibrate`.")
-@click.option("-o", "--output", required=True, type=click.Path(file_okay=False), help="Folder for the undistorted images.")
+@click.option("--camera", required=True, metavar="FILE|DIR", help="Camera file, or a folder written by `calibrate`.")
+@click.option("-o", "--output", required=True, metavar="DIR", help="Folder for the undistorted images.")
 @click.option(
     "--alpha",
     default=0.0,
@@ -21,6 +21,7 @@ from camcal.cli.console import ConsoleReporter
 )
 @options.jobs
 @options.force
+@options.help_option
 def undistort(*, inputs: tuple[str, ...], camera: str, output: str, alpha: float, jobs: int | None, force: bool) -> None:
     """Take the lens out of images.
 
@@ -30,4 +31,4 @@ def undistort(*, inputs: tuple[str, ...], camera: str, output: str, alpha: float
     from camcal.workflows.undistort import undistort as take_out
 
     done = take_out(inputs, camera, output, alpha=alpha, force=force, jobs=jobs, reporter=ConsoleReporter())
-    click.echo(f"{done.folder}: {len(done.images)} undistorted images and their camera.yaml.")
+    say(f"{done.folder}: {len(done.images)} undistorted images and their camera.yaml.")

@@ -8,18 +8,20 @@ import click
 
 from camcal.cli import options
 from camcal.cli.console import number, print_json, print_table
+from camcal.cli.rounding import as_given, plus_minus, point_in_line, rounded
 from camcal.errors import QualityError
 
 if TYPE_CHECKING:
     from camcal.workflows.verify import Verification
 
 
-@click.command(epilog="Example: camcal verify calib/ --truth data/ --max-sigma 4")
-@click.argument("estimate", type=click.Path(exists=True))
-@click.option("--truth", required=True, type=click.Path(exists=True), help="Folder or camera file that holds the truth.")
+@click.command(cls=options.Command, epilog="Example: camcal verify calib/ --truth data/ --max-sigma 4")
+@click.argument("estimate")
+@click.option("--truth", required=True, metavar="FILE|DIR", help="Folder or camera file that holds the truth.")
 @click.option("--max-diff", type=float, metavar="PX", help="Fail if the projection differs by more, anywhere in the image.")
 @click.option("--max-sigma", type=float, metavar="N", help="Fail if a parameter is off by more standard deviations.")
 @options.as_json
+@options.help_option
 def verify(estimate: str, truth: str, max_diff: float | None, max_sigma: float | None, as_json: bool) -> None:
     """Tell how far an estimated camera is from the truth.
 
@@ -40,29 +42,36 @@ def verify(estimate: str, truth: str, max_diff: float | None, max_sigma: float |
 
 def print_verification(result: Verification) -> None:
     """Print the parameters and the differences as tables."""
+    recovered = plus_minus([(e.estimate, e.sigma) for e in result.parameters])
+    truth = point_in_line([as_given(e.truth, e.sigma) for e in result.parameters])
     rows = [
         (
             e.name,
-            f"{e.truth:.8g}",
-            f"{e.estimate:.8g}",
-            f"{e.error:+.3g}",
-            number(e.sigma, ".3g"),
+            true,
+            text,
+            rounded(e.error, e.sigma, "+") if e.sigma > 0 else f"{e.error:+.2g}",
             number(e.error_in_sigma, "+.2f"),
         )
-        for e in result.parameters
+        for e, true, text in zip(result.parameters, truth, recovered, strict=True)
     ]
-    print_table("Parameters", ("", "true", "recovered", "difference", "std. dev.", "in std. dev."), rows)
+    header = ("", "true", "recovered ± std. dev.", "difference", "in std. dev.")
+    print_table("Parameters (fx, fy, cx, cy in pixels)", header, rows)
     p = result.projection
-    over = [("projection difference (px)", f"{p.mean_px:.4g}", f"{p.p95_px:.4g}", f"{p.max_px:.4g}")]
+    over = [("projection difference (px)", f"{p.mean_px:.3g}", f"{p.p95_px:.3g}", f"{p.max_px:.3g}")]
     print_table(f"Over {100 * p.compared_share:.0f} % of the image", ("", "mean", "95 %", "max"), over)
-    if result.views is None:
-        return
+    _print_views(result)
+
+
+def _print_views(result: Verification) -> None:
+    """Print how far corners and poses are from the truth, if they could be compared."""
     v = result.views
-    per_view = [
-        ("corner error, RMS per axis (px)", number(v.corner_rms_px, ".4f")),
+    if v is None:
+        return
+    rows = [
+        ("corner error, RMS per axis (px)", number(v.corner_rms_px, ".3g")),
         ("corner bias x, y (px)", "{}, {}".format(*(number(bias, "+.4f") for bias in v.corner_bias_px))),
-        ("largest corner error (px)", number(v.corner_max_px, ".4f")),
-        ("board rotation error, RMS (deg)", number(v.rotation_deg, ".4f")),
-        ("board position error, RMS (mm)", number(1000 * v.translation_m, ".4f")),
+        ("largest corner error (px)", number(v.corner_max_px, ".3g")),
+        ("board rotation error, RMS (deg)", number(v.rotation_deg, ".3g")),
+        ("board position error, RMS (mm)", number(1000 * v.translation_m, ".3g")),
     ]
-    print_table(f"{v.views} views, {v.corners} corners", (), per_view)
+    print_table(f"{v.views} views, {v.corners} corners", (), rows)

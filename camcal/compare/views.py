@@ -79,30 +79,39 @@ def view_errors(truth: Mapping[str, PosedView], estimate: Mapping[str, PosedView
     )
 
 
+def closest_corners(truth: Detection, estimate: Detection, board: Board) -> tuple[FloatArray, IntArray, Pose]:
+    """Compare the corners that two detections of a view have in common, for the board's best-fitting turn.
+
+    Returns
+    -------
+    errors_px : ndarray of shape (N, 2)
+        Estimate minus truth.
+    ids : ndarray of shape (N,)
+        The truth's ids of those corners.
+    T_board_board : Pose
+        The turn: the estimate's feature i stands where the truth's board, turned so, has its feature i.
+    """
+    turns = [(np.arange(board.feature_count), Pose.identity())]
+    turns += [(symmetry.ids, symmetry.T_board_board) for symmetry in board.symmetries]
+    best: tuple[FloatArray, IntArray, Pose] = (np.zeros((0, 2)), np.zeros(0, dtype=np.int64), Pose.identity())
+    smallest = float("inf")
+    for permutation, T_board_board in turns:
+        ids, in_truth, in_estimate = np.intersect1d(truth.ids, permutation[estimate.ids], return_indices=True)
+        errors = estimate.corners_px[in_estimate] - truth.corners_px[in_truth]
+        size = float((errors**2).mean()) if errors.size else float("inf")
+        if size < smallest:
+            best, smallest = (errors, ids, T_board_board), size
+    return best
+
+
 def _closest(truth: PosedView, estimate: PosedView, board: Board) -> tuple[FloatArray, tuple[float, float] | None]:
     """Corner errors (N, 2) and the pose's (angle in degrees, distance in metres), for the board's best-fitting turn."""
-    turns: list[tuple[IntArray, Pose]] = [(np.arange(board.feature_count), Pose.identity())]
-    turns += [(symmetry.ids, symmetry.T_board_board) for symmetry in board.symmetries]
-    best_errors, best_turn = np.zeros((0, 2)), Pose.identity()
-    best = float("inf")
-    for permutation, T_board_board in turns:
-        errors = _corner_errors(truth.detection, estimate.detection, permutation)
-        size = float((errors**2).mean()) if errors.size else float("inf")
-        if size < best:
-            best_errors, best_turn, best = errors, T_board_board, size
+    errors, _, turn = closest_corners(truth.detection, estimate.detection, board)
     if truth.T_cam_board is None or estimate.T_cam_board is None:
-        return best_errors, None
-    # The estimate's feature i stands where the truth's feature ids[i] does.
-    expected = truth.T_cam_board @ best_turn
+        return errors, None
+    expected = truth.T_cam_board @ turn
     off = expected.inverse() @ estimate.T_cam_board
-    return best_errors, (off.angle_deg, float(np.linalg.norm(estimate.T_cam_board.t - expected.t)))
-
-
-def _corner_errors(truth: Detection, estimate: Detection, permutation: IntArray) -> FloatArray:
-    """Estimate minus truth of the corners that both saw, shape (N, 2), with the estimate's ids permuted."""
-    _, in_truth, in_estimate = np.intersect1d(truth.ids, permutation[estimate.ids], return_indices=True)
-    errors: FloatArray = estimate.corners_px[in_estimate] - truth.corners_px[in_truth]
-    return errors
+    return errors, (off.angle_deg, float(np.linalg.norm(estimate.T_cam_board.t - expected.t)))
 
 
 def _root_mean_square(values: Sequence[float]) -> float:

@@ -16,6 +16,7 @@ _STEP_PX = 0.25
 _PIXEL = round(1 / _STEP_PX)
 _FARTHEST_PX = 8.0
 _LEAST_CONTRAST = 10.0
+_MOST_EDGES = 40
 
 # Motion widens the edges across it: two thirds of that width weigh as much as blur in every direction.
 _MOTION_WEIGHT = 2 / 3
@@ -42,6 +43,11 @@ class Edges:
     ends_px: FloatArray
     reach_px: FloatArray
 
+    def some(self) -> Edges:
+        """At most a few dozen of them, evenly chosen: enough for a median."""
+        step = -(-len(self.reach_px) // _MOST_EDGES)
+        return Edges(self.starts_px[::step], self.ends_px[::step], self.reach_px[::step]) if step > 1 else self
+
 
 def edge_width_px(gray: Gray, families: Sequence[Edges]) -> float:
     """Typical width of the pattern's edges in pixels.
@@ -66,6 +72,7 @@ def edge_width_px(gray: Gray, families: Sequence[Edges]) -> float:
 
 def _widths(gray: Gray, edges: Edges) -> FloatArray:
     """Width of each edge in pixels, shape (E,); NaN where the contrast is too small or the image ends."""
+    edges = edges.some()
     direction = edges.ends_px - edges.starts_px
     normal = np.stack([-direction[:, 1], direction[:, 0]], axis=1) / np.linalg.norm(direction, axis=1)[:, None]
     offsets = np.arange(-_FARTHEST_PX, _FARTHEST_PX + _STEP_PX, _STEP_PX)

@@ -11,7 +11,9 @@ import numpy.typing as npt
 from camcal.boards.checkerboard import Checkerboard
 from camcal.detection.blur import Edges, blur_notes, edge_width_px
 from camcal.detection.grid import (
+    clear_corners,
     continues,
+    contrasts,
     grown,
     is_grid,
     leaves_image,
@@ -19,11 +21,10 @@ from camcal.detection.grid import (
     right_handed,
     spacing_px,
     trimmed,
-    without_doubtful,
 )
 from camcal.detection.refine import refine
 from camcal.detection.sampling import Gray, Reduced, reduced
-from camcal.geometry.arrays import FloatArray
+from camcal.geometry.arrays import BoolArray, FloatArray
 from camcal.observations import Detection, Rejected
 
 # Longer side of the images that are searched. The finders' time explodes on textured images beyond a megapixel.
@@ -48,6 +49,9 @@ _SEED = 0
 
 _CLASSIC = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
 
+_Grid = tuple[FloatArray, BoolArray]
+"""Corners of shape (rows, columns, 2) in full-size pixels, read as printed, and which of them (rows, columns) are clear."""
+
 Finder = Callable[[Gray, tuple[int, int]], FloatArray | None]
 """(gray, (columns, rows)) -> corners of shape (rows, columns, 2) in some order, or None."""
 
@@ -71,31 +75,30 @@ def detect_checkerboard(gray: Gray, board: Checkerboard, source: str) -> Detecti
     found = _find(gray, board.columns, board.rows)
     if isinstance(found, str):
         return Rejected(source, found)
-    spacing = spacing_px(found)
-    seen = without_doubtful(gray, found)
-    refined = refine(gray, seen.reshape(-1, 2), _REACH * spacing.ravel())
+    grid, clear = found
+    spacing = spacing_px(grid)
+    refined = refine(gray, np.where(clear[..., None], grid, np.nan).reshape(-1, 2), _REACH * spacing.ravel())
     ids = np.flatnonzero(np.isfinite(refined[:, 0]))
     if ids.size < _LEAST_SHARE_REFINED * board.feature_count:
         return Rejected(source, _why_not_refined(ids.size, board, float(np.median(spacing))))
     height, width = gray.shape
-    edge_width = edge_width_px(gray, _edges(found))
+    edge_width = edge_width_px(gray, _edges(grid))
     return Detection(source, (width, height), ids, refined[ids], np.full(ids.size, np.nan), blur_notes(edge_width), edge_width)
 
 
-def _find(gray: Gray, columns: int, rows: int) -> FloatArray | str:
-    """Corners of shape (rows, columns, 2) in full-size pixels as printed, or the reason why there are none."""
+def _find(gray: Gray, columns: int, rows: int) -> _Grid | str:
+    """The board's corners in full-size pixels, or the reason why there are none."""
     if min(gray.shape) < 2 * (min(columns, rows) + 1) or max(gray.shape) < 2 * (max(columns, rows) + 1):
         height, width = gray.shape
         return f"the image is too small for the board (got {width}x{height} pixels for {columns}x{rows} corners)"
-    search = reduced(gray, _SEARCH_PX)
-    grid = _search(search, _classic, columns, rows)
+    grid = _search(reduced(gray, _SEARCH_PX), _classic, columns, rows)
     if grid is not None:
         return grid
     # The survey comes before the thorough finders: those take seconds on a board that is larger than the one asked for.
     seen, complete = _survey(gray)
     if sorted(seen.shape[:2]) == sorted((rows, columns)) and complete:
         search = reduced(gray, _SEARCH_PX)
-        return search.to_full(oriented(search.gray, search.from_full(seen), columns, rows))
+        return _as_printed(search, search.from_full(seen), columns, rows)
     if not _is_another(gray, seen, columns, rows):
         for longest_px, finder in _THOROUGH:
             grid = _search(reduced(gray, longest_px), finder, columns, rows)
@@ -104,12 +107,22 @@ def _find(gray: Gray, columns: int, rows: int) -> FloatArray | str:
     return _why_not_found(gray, seen, columns, rows)
 
 
-def _search(search: Reduced, finder: Finder, columns: int, rows: int) -> FloatArray | None:
-    """What a finder finds, in full-size pixels as printed, if it stands up to a check."""
+def _search(search: Reduced, finder: Finder, columns: int, rows: int) -> _Grid | None:
+    """What a finder finds, if it stands up to a check."""
     found = finder(search.gray, (columns, rows))
-    if found is None or not is_grid(search.gray, found) or continues(search.gray, found):
+    if found is None:
         return None
-    return search.to_full(oriented(search.gray, found, columns, rows))
+    found = right_handed(found)
+    values = contrasts(search.gray, found)
+    if not is_grid(found, values) or continues(search.gray, found):
+        return None
+    return _as_printed(search, found, columns, rows)
+
+
+def _as_printed(search: Reduced, grid: FloatArray, columns: int, rows: int) -> _Grid:
+    """Read a right-handed grid of the reduced image the way its board is printed."""
+    printed, values = oriented(grid, contrasts(search.gray, grid), columns, rows)
+    return search.to_full(printed), clear_corners(values)
 
 
 def _classic(gray: Gray, size: tuple[int, int]) -> FloatArray | None:
@@ -163,11 +176,11 @@ def _survey(gray: Gray) -> tuple[FloatArray, bool]:
         if not found:
             continue
         grid = trimmed(search.gray, right_handed(_as_grid(corners, (meta.shape[1], meta.shape[0]))))
-        if min(grid.shape[:2]) < 3 or not is_grid(search.gray, grid):
+        if min(grid.shape[:2]) < 3 or not is_grid(grid, contrasts(search.gray, grid)):
             continue
         grid = grown(search.gray, grid)
         if grid.size > best.size:
-            best, complete = search.to_full(grid), is_grid(search.gray, grid)
+            best, complete = search.to_full(grid), is_grid(grid, contrasts(search.gray, grid))
     return best, complete
 
 
@@ -175,7 +188,14 @@ def _is_another(gray: Gray, seen: FloatArray, columns: int, rows: int) -> bool:
     """Whether what was seen settles that another size was asked for: a larger board, or squares were counted."""
     have, want = sorted(seen.shape[:2]), sorted((rows, columns))
     larger = have != want and have[0] >= want[0] and have[1] >= want[1]
-    return larger or ([n + 1 for n in have] == want and not leaves_image(gray, seen))
+    return larger or ([n + 1 for n in have] == want and not _is_cut(gray, seen, columns, rows))
+
+
+def _is_cut(gray: Gray, seen: FloatArray, columns: int, rows: int) -> bool:
+    """Whether all that is missing of a board would lie outside the image."""
+    sides = sorted(zip(seen.shape[:2], leaves_image(gray, seen), strict=True))
+    missing = [(leaves, have < want) for (have, leaves), want in zip(sides, sorted((rows, columns)), strict=True)]
+    return any(short for _, short in missing) and all(leaves for leaves, short in missing if short)
 
 
 def _why_not_found(gray: Gray, seen: FloatArray, columns: int, rows: int) -> str:
@@ -187,16 +207,18 @@ def _why_not_found(gray: Gray, seen: FloatArray, columns: int, rows: int) -> str
             f"no checkerboard found: all {asked} inner corners must be in the image, sharp and evenly lit, "
             "with white paper around the outer squares"
         )
+    if have == want:
+        return f"a board of {asked} inner corners was seen, but not clearly enough: is part of it hidden or in glare?"
     # Name the sides in the order of the question.
     high, wide = (have[1], have[0]) if rows > columns else (have[0], have[1])
     what = f"{wide}x{high} inner corners"
+    if have[0] > want[0] or have[1] > want[1]:
+        return f"a board of {what} was seen, {asked} was asked for"
+    if _is_cut(gray, seen, columns, rows):
+        return f"only {what} of {asked} are in the image: the board is cut by the frame"
     if [n + 1 for n in have] == want:
         return f"a board of {what} was seen, {asked} was asked for: were squares counted instead of inner corners?"
-    if have[0] <= want[0] and have[1] <= want[1] and leaves_image(gray, seen):
-        return f"only {what} of {asked} are in the image: the board is cut by the frame"
-    if have[0] <= want[0] and have[1] <= want[1]:
-        return f"only {what} of {asked} were seen: is part of the board hidden or in glare, or is it a smaller board?"
-    return f"a board of {what} was seen, {asked} was asked for"
+    return f"only {what} of {asked} were seen: is part of the board hidden or in glare, or is it a smaller board?"
 
 
 def _why_not_refined(count: int, board: Checkerboard, spacing: float) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 
 from camcal.detection.refine import refine
 from camcal.detection.sampling import Gray, sample
-from camcal.geometry.arrays import FloatArray
+from camcal.geometry.arrays import BoolArray, FloatArray
 
 # How far towards the middles of the four squares around a corner (.5) their colours are looked up: near the corner, where
 # glare and shading are the same for all four, but outside the blur of the edges.
@@ -69,19 +69,23 @@ def contrasts(gray: Gray, grid: FloatArray) -> FloatArray:
     return alternating
 
 
-def is_grid(gray: Gray, grid: FloatArray) -> bool:
-    """Whether corners (R, C, 2) lie evenly and squares of alternating colours meet at them, along every line."""
-    if not is_regular(grid):
-        return False
-    values = contrasts(gray, grid)
-    good = _good(values)
+def is_grid(grid: FloatArray, values: FloatArray) -> bool:
+    """Whether corners (R, C, 2) lie evenly and, by their `contrasts` (R, C), alternating squares meet along every line."""
+    good = clear_corners(values)
     worst_line = min(good.mean(axis=0).min(), good.mean(axis=1).min())
-    return bool(np.isfinite(values).mean() > 0.5 and good.mean() >= _GRID_SHARE and worst_line >= _LINE_SHARE)
+    clear = np.isfinite(values).mean() > 0.5 and good.mean() >= _GRID_SHARE and worst_line >= _LINE_SHARE
+    return bool(clear) and is_regular(grid)
 
 
-def without_doubtful(gray: Gray, grid: FloatArray) -> FloatArray:
-    """The grid (R, C, 2) with NaN for corners where the image shows no four squares: finders interpolate covered ones."""
-    return np.where((_good(contrasts(gray, grid)) > 0)[..., None], grid, np.nan)
+def clear_corners(values: FloatArray) -> BoolArray:
+    """Where contrasts (R, C) have the common sign and enough strength; those outside the image count as good.
+
+    Finders make up corners that are covered; these are not clear.
+    """
+    inside = np.isfinite(values)
+    typical = float(np.median(values[inside])) if inside.any() else 0.0
+    clear: BoolArray = ~inside | (values * np.sign(typical) > max(_LEAST_CONTRAST, _LEAST_SHARE_OF_CONTRAST * abs(typical)))
+    return clear
 
 
 def is_regular(grid: FloatArray) -> bool:
@@ -99,34 +103,44 @@ def right_handed(grid: FloatArray) -> FloatArray:
     return grid if turn > 0 else grid[:, ::-1]
 
 
-def oriented(gray: Gray, grid: FloatArray, columns: int, rows: int) -> FloatArray:
-    """Read a grid the way its board is printed.
+def oriented(grid: FloatArray, values: FloatArray, columns: int, rows: int) -> tuple[FloatArray, FloatArray]:
+    """Read a right-handed grid the way its board is printed.
 
     Parameters
     ----------
-    gray : ndarray of shape (height, width)
-        uint8.
     grid : ndarray of shape (R, C, 2)
         Corners in pixels; (R, C) is (rows, columns) or (columns, rows).
+    values : ndarray of shape (R, C)
+        Their contrasts.
     columns, rows : int
         Inner corners of the board.
 
     Returns
     -------
-    ndarray of shape (rows, columns, 2)
-        Never mirrored, the square up-left of the first corner black wherever one of the board's turns allows that;
-        of the turns that are left, the one whose first corner lies nearest to the top left of the image.
+    grid : ndarray of shape (rows, columns, 2)
+        The square up-left of the first corner is black wherever one of the board's turns allows that; of the turns that
+        are left, it is the one whose first corner lies nearest to the top left of the image.
+    values : ndarray of shape (rows, columns)
+        Contrasts of that reading.
     """
-    turns = [np.rot90(right_handed(grid), quarter) for quarter in range(4)]
-    fitting = [turn for turn in turns if turn.shape[:2] == (rows, columns)]
-    black = [turn for turn in fitting if np.nanmedian(contrasts(gray, turn)) > 0]
-    return min(black or fitting, key=lambda turn: float(turn[0, 0].sum()))
+    turns = [(np.rot90(grid, quarter), _turned_contrasts(values, quarter)) for quarter in range(4)]
+    fitting = [turn for turn in turns if turn[1].shape == (rows, columns)]
+    black = [turn for turn in fitting if np.nanmedian(turn[1]) > 0]
+    return min(black or fitting, key=lambda turn: float(turn[0][0, 0].sum()))
+
+
+def _turned_contrasts(values: FloatArray, quarter: int) -> FloatArray:
+    """Contrasts of the grid turned by `np.rot90`: an odd turn swaps the diagonals, and the count starts at another corner."""
+    rows, columns = values.shape
+    first = ((0, 0), (0, columns - 1), (rows - 1, columns - 1), (rows - 1, 0))[quarter]
+    turned: FloatArray = np.rot90(values, quarter) * (-1.0) ** (sum(first) + quarter)
+    return turned
 
 
 def trimmed(gray: Gray, grid: FloatArray) -> FloatArray:
     """Take away outer lines that are not corners of the board; a grid below 3 x 3 comes back as it is then."""
     while min(grid.shape[:2]) >= 3:
-        good = _good(contrasts(gray, grid))
+        good = clear_corners(contrasts(gray, grid))
         shares = (good[0].mean(), good[-1].mean(), good[:, 0].mean(), good[:, -1].mean())
         worst = int(np.argmin(shares))
         if shares[worst] >= _LINE_SHARE:
@@ -163,31 +177,41 @@ def grown(gray: Gray, grid: FloatArray) -> FloatArray:
 
 def continues(gray: Gray, grid: FloatArray) -> bool:
     """Whether the squares go on beyond a grid of shape (R, C, 2), so that it is only a part of the board."""
-    return any(_next_line(gray, np.rot90(grid, side)) is not None for side in range(4))
+    framed = np.full((grid.shape[0] + 2, grid.shape[1] + 2, 2), np.nan)
+    framed[1:-1, 1:-1] = grid
+    for side in range(4):
+        np.rot90(framed, side)[0, 1:-1] = _extrapolated(np.rot90(grid, side))
+    values = contrasts(gray, framed)
+    typical = np.nanmedian(values[2:-2, 2:-2])
+    for side in range(4):
+        turned = np.rot90(values, side)[:, 1:-1]
+        if _line_is_good(turned[0], typical) and _next_line(gray, np.rot90(grid, side)) is not None:
+            return True
+    return False
 
 
-def leaves_image(gray: Gray, grid: FloatArray) -> bool:
-    """Whether a line of corners that would come next lies, with its squares, for the most part outside the image."""
+def leaves_image(gray: Gray, grid: FloatArray) -> tuple[bool, bool]:
+    """Whether more rows, and whether more columns, of a grid (R, C, 2) would lie outside the image with their squares."""
     height, width = gray.shape
+    leaves = []
     for side in range(4):
         turned = np.rot90(grid, side)
         line = _extrapolated(turned)
         line = line + _ROOM_BEYOND * (line - turned[0])
         inside = ((line > 0) & (line < [width - 1, height - 1])).all(axis=1)
-        if inside.mean() < 0.5:
-            return True
-    return False
+        leaves.append(bool(inside.mean() < 0.5))
+    return leaves[0] or leaves[2], leaves[1] or leaves[3]
 
 
 def _next_line(gray: Gray, grid: FloatArray) -> FloatArray | None:
     """The line of corners (C, 2) before row 0, or None where the squares do not go on."""
     guess = _extrapolated(grid)
-    if not _line_is_good(gray, grid, guess):
+    if not _goes_on(gray, grid, guess):
         return None
     gaps = np.linalg.norm(guess - grid[0], axis=1)
     found = refine(gray, guess, np.maximum(_GROWTH_REACH * gaps, 2))
     line = np.where(np.isfinite(found), found, guess)
-    return line if _line_is_good(gray, grid, line) and is_regular(np.concatenate([line[None], grid[:2]])) else None
+    return line if _goes_on(gray, grid, line) and is_regular(np.concatenate([line[None], grid[:2]])) else None
 
 
 def _extrapolated(grid: FloatArray) -> FloatArray:
@@ -198,24 +222,20 @@ def _extrapolated(grid: FloatArray) -> FloatArray:
     return line
 
 
-def _line_is_good(gray: Gray, grid: FloatArray, line: FloatArray) -> bool:
+def _goes_on(gray: Gray, grid: FloatArray, line: FloatArray) -> bool:
     """Whether squares meet at a line (C, 2) before row 0, in the colours that the grid goes on with."""
     values = contrasts(gray, np.concatenate([line[None], grid[:3]]))
-    typical = np.nanmedian(values[1:])
     # A line that starts the count one row earlier has the opposite sign; all of them share it here.
-    inside = np.isfinite(values[0])
-    if inside.sum() < _LEAST_OF_A_LINE:
+    return _line_is_good(values[0], float(np.nanmedian(values[1:])))
+
+
+def _line_is_good(values: FloatArray, typical: float) -> bool:
+    """Whether most of a line's contrasts (C,) are of the board's sign and strength."""
+    inside = values[np.isfinite(values)]
+    if inside.size < _LEAST_OF_A_LINE:
         return False
-    good = values[0, inside] * np.sign(typical) > max(_LEAST_CONTRAST, _LEAST_SHARE_OF_CONTRAST * abs(typical))
+    good = inside * np.sign(typical) > max(_LEAST_CONTRAST, _LEAST_SHARE_OF_CONTRAST * abs(typical))
     return bool(good.mean() >= _LINE_SHARE)
-
-
-def _good(values: FloatArray) -> FloatArray:
-    """Where contrasts (R, C) have the common sign and enough strength; those outside the image count as good."""
-    typical = np.nanmedian(values) if np.isfinite(values).any() else 0.0
-    strong = values * np.sign(typical) > max(_LEAST_CONTRAST, _LEAST_SHARE_OF_CONTRAST * abs(typical))
-    good: FloatArray = np.where(np.isfinite(values), strong, 1.0)
-    return good
 
 
 def _bend(lines: FloatArray) -> float:

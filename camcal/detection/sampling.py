@@ -91,14 +91,28 @@ class Reduced:
 
 
 def reduced(gray: Gray, longest_px: float) -> Reduced:
-    """Shrink an image, by averaging, until its longer side is at most `longest_px`; never enlarge it."""
-    height, width = gray.shape
-    shrink = longest_px / max(height, width)
-    if shrink >= 1:
-        return Reduced(gray, np.ones(2))
-    size = (max(1, round(width * shrink)), max(1, round(height * shrink)))
-    small: Gray = cv2.resize(gray, size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
-    return Reduced(small, np.array(size) / (width, height))
+    """Shrink an image until its longer side is at most `longest_px`; never enlarge it.
+
+    Halving by averaging is twenty times faster than averaging over any other ratio, so the image is halved as often as
+    possible and then interpolated; an odd row or column at the end is left out.
+    """
+    small, scale = gray, np.ones(2)
+    while max(small.shape) >= 2 * longest_px:
+        height, width = (n // 2 for n in small.shape)
+        small = _resized(small[: 2 * height, : 2 * width], (width, height), cv2.INTER_AREA)
+        scale = scale / 2
+    shrink = longest_px / max(small.shape)
+    if shrink < 1:
+        height, width = small.shape
+        size = (max(1, round(width * shrink)), max(1, round(height * shrink)))
+        small = _resized(small, size, cv2.INTER_LINEAR)
+        scale = scale * size / np.array([width, height])
+    return Reduced(small, scale)
+
+
+def _resized(gray: Gray, size: tuple[int, int], interpolation: int) -> Gray:
+    resized: Gray = cv2.resize(gray, size, interpolation=interpolation).astype(np.uint8, copy=False)
+    return resized
 
 
 def sample(gray: Gray, points_px: FloatArray) -> npt.NDArray[np.float32]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from camcal.boards.aprilgrid import FAMILIES, AprilGrid, tag_ink
+from camcal.detection.neighbours import without_strays
 from camcal.detection.refine import SMALLEST_REACH_PX, refine
 from camcal.detection.sampling import Gray
 from camcal.detection.tags import Tags, tag_likeness
@@ -17,7 +18,7 @@ from camcal.geometry.homography import apply_homography, homography_from_points
 _LEAST_LIKENESS = 0.7
 _CORNERS_TO_PREDICT = 16
 # Farthest that a corner may lie from where its neighbours put it, as a share of the gap.
-_LARGEST_STRAY = 0.2
+_LARGEST_STRAY = 0.3
 # A corner that a smaller window puts elsewhere is none: bloomed, covered or damaged.
 _SMALLER_WINDOW = 0.7
 _LARGEST_SHIFT_PX = 0.3
@@ -106,41 +107,10 @@ def _repaired(gray: Gray, sighting: Sighting) -> Sighting:
 
 
 def _without_strays(board: AprilGrid, corners_px: FloatArray) -> FloatArray:
-    """Corners (T, 4, 2) with NaN for each that lies off where its neighbours put it, the worst of a neighbourhood first."""
-    corners = corners_px.reshape(-1, 2).copy()
+    """Corners (T, 4, 2) with NaN for each that lies off where its neighbours put it."""
     layout = board.object_points[:, :2] / (board.tag_m + board.gap_m)
-    side = _sides(corners_px).ravel()
-    while True:
-        known = np.flatnonzero(np.isfinite(corners[:, 0]))
-        if known.size <= _CORNERS_TO_PREDICT:
-            break
-        around, predicted = _predicted_each(layout[known], corners[known])
-        stray = np.linalg.norm(corners[known] - predicted, axis=1) / (_LARGEST_STRAY * side[known] * board.gap_m / board.tag_m)
-        worst = (stray > 1) & (stray >= stray[around].max(axis=1))
-        if not worst.any():
-            break
-        corners[known[worst]] = np.nan
-    return corners.reshape(corners_px.shape)
-
-
-def _predicted_each(layout: FloatArray, corners_px: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Each corner (K, 2) from its neighbours alone, by a quadratic map: perspective and lens distortion are one, locally.
-
-    Returns
-    -------
-    around : ndarray of shape (K, n)
-        The neighbours' indices.
-    predicted : ndarray of shape (K, 2)
-    """
-    distance = np.linalg.norm(layout[:, None] - layout[None], axis=2)
-    np.fill_diagonal(distance, np.inf)
-    around = np.argsort(distance, axis=1, kind="stable")[:, :_CORNERS_TO_PREDICT]
-    x, y = np.moveaxis(layout[around] - layout[:, None], 2, 0)
-    # At the corner itself x = y = 0: the prediction is the constant term of the fit.
-    terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=2)
-    centre = corners_px[around].mean(axis=1, keepdims=True)
-    predicted = (np.linalg.pinv(terms, rcond=1e-6)[:, :1] @ (corners_px[around] - centre))[:, 0] + centre[:, 0]
-    return around, predicted
+    farthest = _LARGEST_STRAY * _sides(corners_px).ravel() * board.gap_m / board.tag_m
+    return without_strays(layout, corners_px.reshape(-1, 2), farthest).reshape(corners_px.shape)
 
 
 def dependable(gray: Gray, sighting: Sighting) -> FloatArray:

@@ -6,7 +6,7 @@ import csv
 import io
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -273,7 +273,7 @@ def _codes(names: Sequence[str]) -> tuple[IntArray, list[str]]:
 
 def _subset(seen: Detection, mask: BoolArray) -> Detection:
     """Part of a detection."""
-    return Detection(seen.source, seen.size, seen.ids[mask], seen.corners_px[mask], seen.sigma_px[mask], seen.notes)
+    return replace(seen, ids=seen.ids[mask], corners_px=seen.corners_px[mask], sigma_px=seen.sigma_px[mask])
 
 
 def _cells(column: FloatArray) -> list[float | str]:

@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from camcal.boards.base import Board
 from camcal.calibration.causes import quarter_turn, solve_board
-from camcal.calibration.gates import quality_problems
+from camcal.calibration.gates import capture_warnings, quality_problems
 from camcal.calibration.parameters import parse_distortion
-from camcal.detection.blur import flag_blurred
-from camcal.detection.detect import detect_board
 from camcal.errors import InputError
 from camcal.formats.board_file import load_board, save_board
 from camcal.formats.camera_file import save_intrinsics
-from camcal.formats.corners_file import load_corners, save_corners
-from camcal.formats.images import ImageFile, read_gray
+from camcal.formats.corners_file import save_corners
+from camcal.formats.images import ImageFile
 from camcal.formats.output import claim_folder
 from camcal.formats.views_file import save_views
-from camcal.observations import Calibration, Detection, Intrinsics, Rejected, ViewRecord
+from camcal.observations import Calibration, Intrinsics, Rejected, ViewRecord
 from camcal.workflows.inputs import Inputs, as_paths, images_to_work_on, warn_of_each
-from camcal.workflows.parallel import each
+from camcal.workflows.observe import REFINEMENTS, Refined, observe, observe_again, of_one_size, replay, tell_refused
 from camcal.workflows.reporting import LogReporter, Reporter
 from camcal.workflows.undistort import undistort_found
 
@@ -41,12 +38,15 @@ class CalibrationRun:
     board : Board
     folder : Path or None
         Where the files were written.
+    refused : dict of str to tuple of str
+        By view, a clause for each corner that was refused: its id and why.
     """
 
     calibration: Calibration
     intrinsics: Intrinsics
     board: Board
     folder: Path | None
+    refused: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, object]:
         """Return the result as plain values, for JSON."""
@@ -73,6 +73,7 @@ def calibrate(
     output: str | Path | None = None,
     *,
     distortion: str = "k1,k2,k3",
+    refine: str = "warped",
     anamorphic: bool = False,
     only_used: bool = False,
     undistort: bool = False,
@@ -93,6 +94,9 @@ def calibrate(
         Folder for camera.yaml, views.yaml, corners.csv and board.yaml; nothing is written without it.
     distortion : str
         The free distortion coefficients, e.g. `k1,k2,k3`; the others stay 0.
+    refine : str
+        How corners are refined: `warped` (a blurred saddle is fitted to each; after a first solve, the template that the
+        calibration itself predicts), `saddle` (the first of the two) or `opencv` (cv2.cornerSubPix).
     anamorphic : bool
         Whether pixels far from square are expected.
     only_used : bool
@@ -124,28 +128,66 @@ def calibrate(
     reporter = reporter or LogReporter()
     target = load_board(board)
     free = parse_distortion(distortion)
-    replay = _corners_file(as_paths(images))
-    if undistort and (replay or output is None):
+    replay_file = _corners_file(as_paths(images))
+    if undistort and (replay_file or output is None):
         raise InputError("--undistort: needs images and an output folder (got a corners file or no -o).")
-    if only_used and not replay:
+    if only_used and not replay_file:
         raise InputError("--only-used: needs a corners.csv as the only input (got images).")
-    found = () if replay else images_to_work_on(images, reporter)
+    if refine not in REFINEMENTS:
+        raise InputError(f"--refine: unknown (got {refine!r}, expected one of {', '.join(REFINEMENTS)}).")
+    found = () if replay_file else images_to_work_on(images, reporter)
     folder = None if output is None else claim_folder(output, force=force)
-    views = _replayed(replay, target, only_used) if replay else _detected(found, target, jobs, reporter)
-    detections, rejected = _of_one_size(views)
-    warn_of_each(((rejection.source, f"rejected: {rejection.reason}") for rejection in rejected), reporter)
-    warn_of_each(((detection.source, note) for detection in detections for note in detection.notes), reporter)
-    calibration = solve_board(detections, target, distortion=free, rejected=rejected)
-    if turned := quarter_turn(calibration, target):
-        reporter.warn(turned)
+    task = _Task(target, free, refine, anamorphic, jobs, reporter)
+    if replay_file:
+        calibration = task.solve([Refined(seen) for seen in replay(replay_file, target, only_used=only_used)], [])
+        refused: dict[str, tuple[str, ...]] = {}
+    else:
+        calibration, refused = task.solve_images(found)
+    for warning in (quarter_turn(calibration, target), *capture_warnings(calibration)):
+        if warning:
+            reporter.warn(warning)
     problems = quality_problems(calibration, target, anamorphic=anamorphic)
-    run = CalibrationRun(calibration, _intrinsics(calibration, target, name, problems), target, folder)
+    run = CalibrationRun(calibration, _intrinsics(calibration, target, name, problems), target, folder, refused)
     if folder is not None:
         _write(run, folder)
         if undistort:
-            where, camera = folder / UNDISTORTED, folder / "camera.yaml"
-            undistort_found(_unnamed(found), camera, where, force=force, jobs=jobs, reporter=reporter)
+            where, camera_file = folder / UNDISTORTED, folder / "camera.yaml"
+            undistort_found(_unnamed(found), camera_file, where, force=force, jobs=jobs, reporter=reporter)
     return run
+
+
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """What to solve and how."""
+
+    board: Board
+    distortion: tuple[str, ...]
+    refine: str
+    anamorphic: bool
+    jobs: int | None
+    reporter: Reporter
+
+    def solve(self, views: Sequence[Refined], rejected: Sequence[Rejected]) -> Calibration:
+        """Solve from views that have been seen, and pass on what is to be said of them."""
+        detections, other_sizes = of_one_size([view.detection for view in views])
+        every = sorted([*rejected, *other_sizes], key=lambda rejection: rejection.source)
+        warn_of_each(((rejection.source, f"rejected: {rejection.reason}") for rejection in every), self.reporter)
+        warn_of_each(((seen.source, note) for seen in detections for note in seen.notes), self.reporter)
+        return solve_board(detections, self.board, distortion=self.distortion, rejected=every)
+
+    def solve_images(self, found: Sequence[ImageFile]) -> tuple[Calibration, dict[str, tuple[str, ...]]]:
+        """Find and refine the corners of images, and solve; by view, the corners that were refused come along."""
+        views, rejected = observe(found, self.board, self.refine, self.jobs, self.reporter)
+        calibration = self.solve(views, rejected)
+        refused = {view.detection.source: view.refused for view in views}
+        # A calibration that is not to be trusted predicts no edges either.
+        if self.refine == "warped" and not quality_problems(calibration, self.board, anamorphic=self.anamorphic):
+            again = observe_again(calibration, found, self.board, self.jobs, self.reporter)
+            refused |= {view.detection.source: (*refused[view.detection.source], *view.refused) for view in again}
+            warped = [view.detection for view in again]
+            calibration = solve_board(warped, self.board, distortion=self.distortion, rejected=calibration.rejected)
+        tell_refused(refused, self.reporter)
+        return calibration, refused
 
 
 def _corners_file(images: Sequence[str | Path]) -> Path | None:
@@ -156,49 +198,6 @@ def _corners_file(images: Sequence[str | Path]) -> Path | None:
             f"{named[0]}: a corners file stands alone (got {len(images)} inputs). Pass either images or one corners.csv."
         )
     return named[0] if named else None
-
-
-def _replayed(path: Path, board: Board, only_used: bool) -> list[Detection | Rejected]:
-    """Read detections from a corners file; every id must be one of the board's."""
-    detections = load_corners(path, only_used=only_used)
-    for detection in detections:
-        if len(detection) and detection.ids[-1] >= board.feature_count:
-            raise InputError(
-                f"{path}: {detection.source}: id {detection.ids[-1]} is not on the board "
-                f"({board.spec} has ids 0 to {board.feature_count - 1}). Pass the board that was detected with --board."
-            )
-    return list(detections)
-
-
-def _detected(found: Sequence[ImageFile], board: Board, jobs: int | None, reporter: Reporter) -> list[Detection | Rejected]:
-    """Look for the board in every image; a damaged file is an error if it was named, a rejection if a folder held it."""
-
-    def work(image: ImageFile) -> Detection | Rejected:
-        try:
-            gray = read_gray(image.path)
-        except InputError as error:
-            if image.named:
-                raise
-            return Rejected(image.name, str(error).removeprefix(f"{image.path}: "))
-        return detect_board(gray, board, image.name)
-
-    with reporter.progress("Detecting", len(found)) as advance:
-        return list(flag_blurred(each(work, found, jobs, advance)))
-
-
-def _of_one_size(views: Sequence[Detection | Rejected]) -> tuple[list[Detection], list[Rejected]]:
-    """Keep the views of the commonest image size (the larger of two equally common ones), and reject the others."""
-    detections = [view for view in views if isinstance(view, Detection)]
-    rejected = [view for view in views if isinstance(view, Rejected)]
-    if not detections:
-        return [], rejected
-    counts = Counter(detection.size for detection in detections)
-    size = max(counts, key=lambda each_size: (counts[each_size], each_size))
-    for detection in detections:
-        if detection.size != size:
-            got, expected = ("{}x{}".format(*each_size) for each_size in (detection.size, size))
-            rejected.append(Rejected(detection.source, f"another image size (got {got}, expected {expected} as most views)"))
-    return [detection for detection in detections if detection.size == size], sorted(rejected, key=lambda r: r.source)
 
 
 def _intrinsics(calibration: Calibration, board: Board, name: str, problems: tuple[str, ...]) -> Intrinsics:
@@ -216,10 +215,17 @@ def _intrinsics(calibration: Calibration, board: Board, name: str, problems: tup
     )
 
 
-def view_records(calibration: Calibration) -> tuple[ViewRecord, ...]:
+def view_records(run: CalibrationRun) -> tuple[ViewRecord, ...]:
     """Return every view, used or rejected, sorted by source."""
+    calibration = run.calibration
     used = [
-        ViewRecord(detection.source, T_cam_board=pose, rms_px=rms, corners=len(detection), notes=detection.notes)
+        ViewRecord(
+            detection.source,
+            T_cam_board=pose,
+            rms_px=rms,
+            corners=len(detection),
+            notes=(*detection.notes, *run.refused.get(detection.source, ())),
+        )
         for detection, pose, rms in zip(calibration.detections, calibration.poses, calibration.view_rms_px, strict=True)
     ]
     rejected = [ViewRecord(rejection.source, reason=rejection.reason) for rejection in calibration.rejected]
@@ -237,5 +243,5 @@ def _write(run: CalibrationRun, folder: Path) -> None:
     (folder / "camera.yaml").unlink(missing_ok=True)
     save_board(folder / "board.yaml", run.board)
     save_corners(folder / "corners.csv", calibration.detections, calibration.residuals_px)
-    save_views(folder / "views.yaml", view_records(calibration))
+    save_views(folder / "views.yaml", view_records(run))
     save_intrinsics(folder / "camera.yaml", run.intrinsics)

@@ -1,0 +1,110 @@
+"""The group of all commands, and the one place that turns failures into one line and an exit code."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+from collections.abc import Sequence
+
+import click
+
+from camcal import __version__
+from camcal.cli import options
+from camcal.cli.board import board
+from camcal.cli.calibrate import calibrate
+from camcal.cli.console import complain, say
+from camcal.cli.demo import demo
+from camcal.cli.regress import regress
+from camcal.cli.synth import synth
+from camcal.cli.undistort import undistort
+from camcal.cli.verify import verify
+from camcal.errors import CamcalError, InputError
+
+_COMPLETION = "_CAMCAL_COMPLETE"
+"""Set by a shell that asks click for completions."""
+
+
+class Commands(click.Group):
+    """A group that names the command nearest to a mistyped one."""
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command, or say which was probably meant."""
+        name = args[0]
+        if name in self.commands or ctx.resilient_parsing or name.startswith("-"):
+            return super().resolve_command(ctx, args)
+        import difflib
+
+        near = difflib.get_close_matches(name, self.commands, n=1)
+        advice = f"Did you mean '{near[0]}'?" if near else f"Expected one of {', '.join(self.commands)}."
+        raise click.UsageError(f"No such command {name!r}. {advice}", ctx)
+
+
+def _show_version(context: click.Context, _: click.Parameter, wanted: bool) -> None:
+    """Print the version and leave."""
+    if wanted and not context.resilient_parsing:
+        say(f"camcal {__version__}")
+        context.exit()
+
+
+@click.group(
+    cls=Commands,
+    epilog="Example: camcal demo",
+    invoke_without_command=True,
+    context_settings={"max_content_width": 100},
+)
+@click.option("--version", is_flag=True, is_eager=True, expose_value=False, callback=_show_version, help="Show the version.")
+@options.help_option
+@click.pass_context
+def cli(context: click.Context) -> None:
+    """Calibrate cameras from photographs of a printed board, and take the lens out of images.
+
+    Exit codes: 0 done, 2 bad input, 3 too few boards found, 4 not solvable, 5 result not to be trusted, 130 interrupted.
+    """
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help(), err=True)
+        context.exit(InputError.exit_code)
+
+
+for _command in (demo, board, synth, calibrate, undistort, verify, regress):
+    cli.add_command(_command)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run a command line, print what went wrong if something did, and return the exit code.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        What follows `camcal`.
+    """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # A file name that is not UTF-8, or a terminal without "±", is no reason to lose a result.
+        sys.stdout.reconfigure(errors="backslashreplace")
+    if _COMPLETION in os.environ:
+        cli.main(prog_name="camcal")
+    try:
+        with cli.make_context("camcal", list(arguments)) as context:
+            cli.invoke(context)
+    except click.exceptions.Exit as leaving:
+        return leaving.exit_code
+    except click.ClickException as error:
+        complain(_usage(error))
+        return InputError.exit_code
+    except CamcalError as error:
+        complain(str(error))
+        return error.exit_code
+    return 0
+
+
+def _usage(error: click.ClickException) -> str:
+    """Put click's message on one line, with the help to look at."""
+    if isinstance(error, click.NoSuchOption):
+        near = error.possibilities[0] if error.possibilities else ""
+        message = f"No such option '{error.option_name}'." + (f" Did you mean '{near}'?" if near else "")
+    else:
+        message = " ".join(error.format_message().split())
+    if not message.endswith((".", "?")):
+        message += "."
+    command = error.ctx.command_path if isinstance(error, click.UsageError) and error.ctx else "camcal"
+    return f"{message} See '{command} --help'."
