@@ -64,7 +64,7 @@ def measure(command: list[str]) -> tuple[float, float]:
 
 
 def main() -> None:
-    """Render the views, run both in turn, print the table."""
+    """Render the views, run all in turn, print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=7)
     runs = parser.parse_args().runs
@@ -73,19 +73,28 @@ def main() -> None:
         folder = Path(name)
         (folder / "scene.yaml").write_text(SCENE)
         (folder / "bare.py").write_text(BARE)
-        subprocess.run(
-            [camcal, "synth", str(folder / "scene.yaml"), "-o", str(folder / "data")], check=True, stdout=subprocess.DEVNULL
-        )
+        data = str(folder / "data")
+        subprocess.run([camcal, "synth", str(folder / "scene.yaml"), "-o", data], check=True, stdout=subprocess.DEVNULL)
         images = str(folder / "data" / "images")
         ours = [camcal, "calibrate", images, "--board", "checkerboard:9x6:25mm", "-o", str(folder / "calib"), "--force"]
-        bare = [sys.executable, str(folder / "bare.py"), images]
-        measure(ours), measure(bare)
-        pairs = [(measure(ours), measure(bare)) for _ in range(runs)]
-    print(f"{'':12}{'camcal':>10}{'bare script':>14}{'ratio':>8}   (medians of {runs} pairs, seconds)")
-    for index, label in enumerate(("CPU", "wall")):
-        a, b = [pair[0][index] for pair in pairs], [pair[1][index] for pair in pairs]
-        ratio = statistics.median(x / y for x, y in zip(a, b, strict=True))
-        print(f"{label:12}{statistics.median(a):10.3f}{statistics.median(b):14.3f}{ratio:8.2f}")
+        commands = {
+            "bare OpenCV script": [sys.executable, str(folder / "bare.py"), images],
+            "camcal --refine opencv": [*ours, "--refine", "opencv"],
+            "camcal --refine saddle": [*ours, "--refine", "saddle"],
+            "camcal": ours,
+        }
+        measured: dict[str, list[tuple[float, float]]] = {label: [] for label in commands}
+        for _ in range(runs + 1):
+            for label, command in commands.items():
+                measured[label].append(measure(command))
+    bare = measured["bare OpenCV script"][1:]
+    print(f"{'':24}{'CPU s':>8}{'ratio':>8}{'wall s':>9}{'ratio':>8}   (medians of {runs} rounds)")
+    for label, rows in measured.items():
+        figures = []
+        for index in (0, 1):
+            figures.append(statistics.median(row[index] for row in rows[1:]))
+            figures.append(statistics.median(row[index] / other[index] for row, other in zip(rows[1:], bare, strict=True)))
+        print(f"{label:24}{figures[0]:8.3f}{figures[1]:8.2f}{figures[2]:9.3f}{figures[3]:8.2f}")
 
 
 if __name__ == "__main__":

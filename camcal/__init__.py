@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from camcal.workflows.board import board
     from camcal.workflows.calibrate import calibrate
     from camcal.workflows.demo import demo
+    from camcal.workflows.regress import regress
     from camcal.workflows.synth import synth
     from camcal.workflows.undistort import undistort
     from camcal.workflows.verify import verify
@@ -51,6 +52,7 @@ _HOMES = {
     "load_intrinsics": "camcal.formats.camera_file",
     "parse_board": "camcal.boards.spec",
     "projection_difference": "camcal.compare.projection",
+    "regress": "camcal.workflows.regress",
     "save_intrinsics": "camcal.formats.camera_file",
     "synth": "camcal.workflows.synth",
     "undistort": "camcal.workflows.undistort",
@@ -73,6 +75,7 @@ __all__ = [
     "load_intrinsics",
     "parse_board",
     "projection_difference",
+    "regress",
     "save_intrinsics",
     "synth",
     "undistort",

@@ -32,6 +32,21 @@ def test_calibration_of_photographs(case, photos, tmp_path, capsys):
     assert yaml.safe_load((tmp_path / "calib/camera.yaml").read_text())["camcal"]["trusted"] is True
 
 
+@pytest.mark.parametrize("case", ["opencv_left", "udacity_wide", "moms_left"])
+def test_refinement_beats_opencvs_on_photographs(case, photos, tmp_path, capsys):
+    """Saddle and warped fit leave a smaller RMS and a smaller standard deviation of fx than cv2.cornerSubPix does.
+
+    On swat_calib the shape of the board itself is the limit, and the two are alike.
+    """
+    images, board, *_ = CASES[case]
+    results = {}
+    for refine in ("opencv", "warped"):
+        main(["calibrate", str(photos / images), "--board", board, "-o", str(tmp_path / refine), "--refine", refine, "--json"])
+        results[refine] = json.loads(capsys.readouterr().out)
+    assert results["warped"]["rms_px"] < results["opencv"]["rms_px"]
+    assert results["warped"]["standard_deviations"]["fx"] < results["opencv"]["standard_deviations"]["fx"]
+
+
 def test_a_board_cut_by_the_frame_is_rejected_by_name(photos, tmp_path, capsys):
     """GOPR0055 shows part of the board: named with the reason, the other 35 are used."""
     main(
@@ -67,8 +82,7 @@ def test_streets_are_rejected_and_too_few(photos, tmp_path, capsys):
     code = main(["calibrate", *images, "--board", "checkerboard:9x8:30mm", "-o", str(tmp_path / "c")])
     err = capsys.readouterr().err
     assert code == 3
-    assert "im_front.jpg: rejected: " in err
-    assert "im_rear.jpg: rejected: " in err
+    assert "im_front.jpg, im_rear.jpg: rejected: no checkerboard found" in err
     assert "testImageCheckerboard.jpg" not in err
 
 

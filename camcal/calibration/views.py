@@ -12,7 +12,7 @@ from camcal.observations import Detection, Rejected
 FEWEST_VIEWS = 3
 """Two planar views leave K undetermined with the principal point free (Zhang 2000, section 3.2)."""
 
-_FEWEST_CORNERS = 6
+FEWEST_CORNERS = 6
 # Corners that were seen lie in the image. A fit may end a little outside; a tenth of the image is no such slip.
 _MARGIN = 0.1
 # Standard deviation across the line that fits the corners best. Finders need several pixels between two rows.
@@ -69,8 +69,8 @@ def too_few_views(count: int, rejected: Sequence[Rejected]) -> str:
 
 def _defect(detection: Detection, object_points: FloatArray) -> str:
     """Return the reason for a view that gives no pose; empty for one that does."""
-    if len(detection) < _FEWEST_CORNERS:
-        return f"too few corners for a pose (got {len(detection)}, expected at least {_FEWEST_CORNERS})"
+    if len(detection) < FEWEST_CORNERS:
+        return f"too few corners for a pose (got {len(detection)}, expected at least {FEWEST_CORNERS})"
     length, width = _spread(object_points[detection.ids, :2])
     if width <= 1e-6 * length:
         return "all corners lie on one line"

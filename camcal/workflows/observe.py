@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from camcal.boards.base import Board
+from camcal.calibration.views import FEWEST_CORNERS
 from camcal.detection.blur import flag_blurred
 from camcal.detection.detect import detect_board
 from camcal.detection.refinement import Refinement
@@ -131,6 +132,9 @@ def tell_refused(refused: Mapping[str, Sequence[str]], reporter: Reporter) -> No
 
 
 def _applied(fit: Refinement, detection: Detection) -> Refined:
-    """Keep the corners whose fit looks like a corner, and name the others."""
+    """Keep the corners whose fit looks like a corner, and name the others; a view is not lost for its refinement."""
+    if fit.ok.sum() < FEWEST_CORNERS <= len(detection):
+        note = f"corners as detected: only {fit.ok.sum()} of {len(detection)} could be refined"
+        return Refined(replace(detection, notes=(*detection.notes, note)))
     named = zip(detection.ids.tolist(), fit.ok.tolist(), fit.reasons, strict=True)
     return Refined(fit.applied(detection), tuple(f"corner {id_}: {reason}" for id_, ok, reason in named if not ok))
