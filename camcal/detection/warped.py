@@ -17,7 +17,7 @@ from camcal.geometry.camera import Camera
 from camcal.geometry.pose import Pose
 from camcal.observations import Image
 
-LARGEST_RADIUS_PX = 60.0
+LARGEST_RADIUS_PX = 120.0
 # Where the curve of an edge is sampled, as shares of the patch's radius to both sides.
 _SAMPLES = np.array([-1.0, -0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0])
 # A start farther than this share of the spacing from where the calibration sees the corner is another corner.

@@ -27,7 +27,7 @@ from camcal.synthesis.render import render_ideal
 from camcal.synthesis.scenario import Scenario
 from camcal.workflows.calibrate import CalibrationRun, calibrate
 from camcal.workflows.parallel import each
-from camcal.workflows.reporting import LogReporter, Reporter
+from camcal.workflows.reporting import LogReporter, Reporter, SilentReporter
 from camcal.workflows.synth import IMAGES, scenario_file, synth
 
 
@@ -209,7 +209,7 @@ def worse_figures(figures: Mapping[str, float], reference: Mapping[str, float]) 
 
 def measure(path: Path, scenario: Scenario, *, refine: str, jobs: int | None) -> dict[str, float]:
     """Render a scenario into a temporary folder, calibrate it from pixels, and compare with its truth."""
-    quiet = LogReporter()
+    quiet = SilentReporter()
     with tempfile.TemporaryDirectory(prefix="camcal-regress-") as name:
         data = Path(name)
         synth(path, data, force=True, jobs=jobs, reporter=quiet)

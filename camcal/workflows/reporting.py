@@ -33,3 +33,14 @@ class LogReporter:
     def progress(self, label: str, total: int) -> AbstractContextManager[Advance]:  # noqa: ARG002
         """Show nothing."""
         return nullcontext(lambda: None)
+
+
+class SilentReporter:
+    """The reporter of a step whose caller looks at the result instead."""
+
+    def warn(self, text: str) -> None:
+        """Say nothing."""
+
+    def progress(self, label: str, total: int) -> AbstractContextManager[Advance]:  # noqa: ARG002
+        """Show nothing."""
+        return nullcontext(lambda: None)
