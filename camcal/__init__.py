@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from camcal.formats.camera_file import load_intrinsics, save_intrinsics
     from camcal.geometry.camera import Camera
     from camcal.geometry.pose import Pose
+    from camcal.synthesis.bound import corner_bound
     from camcal.workflows.board import board
     from camcal.workflows.calibrate import calibrate
     from camcal.workflows.demo import demo
@@ -47,6 +48,7 @@ _HOMES = {
     "SolveError": "camcal.errors",
     "board": "camcal.workflows.board",
     "calibrate": "camcal.workflows.calibrate",
+    "corner_bound": "camcal.synthesis.bound",
     "demo": "camcal.workflows.demo",
     "load_board": "camcal.formats.board_file",
     "load_intrinsics": "camcal.formats.camera_file",
@@ -70,6 +72,7 @@ __all__ = [
     "__version__",
     "board",
     "calibrate",
+    "corner_bound",
     "demo",
     "load_board",
     "load_intrinsics",
