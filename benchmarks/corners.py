@@ -11,8 +11,9 @@ import argparse
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import product
+from typing import Any
 
 import cv2
 import numpy as np
@@ -35,8 +36,8 @@ from camcal.synthesis.scenario import Light, PoseSampling, Range, Scenario, Sens
 from camcal.synthesis.sensor import expose
 from camcal.workflows.parallel import each
 
-PLAIN = Camera((1280, 960), [[900, 0, 645.3], [0, 905, 470.2], [0, 0, 1]], [-0.25, 0.08, 0, 0, -0.01])
-BARREL = Camera((1280, 960), [[780, 0, 645.3], [0, 782, 470.2], [0, 0, 1]], [-0.38, 0.16, 0, 0, -0.03])
+PLAIN = Camera((1280, 960), [[900.0, 0.0, 645.3], [0.0, 905, 470.2], [0.0, 0.0, 1.0]], [-0.25, 0.08, 0, 0, -0.01])
+BARREL = Camera((1280, 960), [[780.0, 0.0, 645.3], [0.0, 782, 470.2], [0.0, 0.0, 1.0]], [-0.38, 0.16, 0, 0, -0.03])
 UNEVEN = Light(vignetting=0.4, gradient=0.2, gradient_direction_deg=30)
 BOARD = Checkerboard(9, 6, 0.025)
 LARGE_SQUARES = Checkerboard(6, 5, 0.025)
@@ -81,9 +82,7 @@ class Ideal:
         views = PoseSampling(count=1, fill=scene.fill)
         pose = sample_pose(Scenario("corners", seed, scene.camera, scene.board, views=views), 0)
         blur, defocus = scene.blur_px, scene.defocus_px
-        signal = render_ideal(
-            scene.camera, scene.board, pose, scene.light, blur_sigma_px=blur, defocus_radius_px=defocus
-        )
+        signal = render_ideal(scene.camera, scene.board, pose, scene.light, blur_sigma_px=blur, defocus_radius_px=defocus)
         corners = scene.camera.project(pose.apply(scene.board.object_points))
         neighbours = corner_shapes(scene.board).neighbours
         distance = np.linalg.norm(corners[neighbours] - corners[:, None], axis=-1)
@@ -185,7 +184,7 @@ def kept(errors_px: FloatArray) -> str:
     return f"{int(good.sum())}/{good.size}"
 
 
-def on_all_processors(function: Callable[..., object], *axes: Sequence[object]) -> list[object]:
+def on_all_processors(function: Callable[..., Any], *axes: Sequence[Any]) -> list[Any]:
     """Call a function for every combination of its arguments, in order."""
     return each(lambda arguments: function(*arguments), list(product(*axes)), None, lambda: None)
 
@@ -242,8 +241,10 @@ def grid(seeds: int) -> list[Row]:
     return [
         Row(name, "mean over cells of RMS / bound", float(np.mean(list(means.values()))), 1.3, kept(total)),
         Row(name, "RMS / bound over all corners", rms(total), 1.3, kept(total)),
-        *(Row(name, f"no. {place} of the worst cells: {cell}", means[cell], 1.6, kept(cells[cell]))
-          for place, cell in enumerate(worst, 1)),
+        *(
+            Row(name, f"no. {place} of the worst cells: {cell}", means[cell], 1.6, kept(cells[cell]))
+            for place, cell in enumerate(worst, 1)
+        ),
         Row(name, f"most refused: {fewest}", means[fewest], 1.6, kept(cells[fewest])),
     ]
 
@@ -280,7 +281,8 @@ class Recording:
         if self.jpeg_quality is None:
             return image
         _, stored = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, self.jpeg_quality])
-        return cv2.imdecode(stored, cv2.IMREAD_GRAYSCALE)
+        decoded: Image = np.asarray(cv2.imdecode(stored, cv2.IMREAD_GRAYSCALE))
+        return decoded
 
 
 RECORDINGS = (
@@ -362,7 +364,7 @@ def starts(seeds: int) -> list[Row]:
         begin, neighbours = shaken(ideal.corners_px, rng), corner_shapes(ideal.scene.board).neighbours
         count = len(begin)
         chosen = rng.choice(count, max(1, round(WRONG_SHARE * count)), replace=False)
-        other = [rng.choice(neighbours[corner][neighbours[corner] >= 0]) for corner in chosen]
+        other = np.array([rng.choice(neighbours[corner][neighbours[corner] >= 0]) for corner in chosen])
         if rng.random() < 0.5:
             other = (chosen + rng.integers(1, count, chosen.size)) % count
         begin[chosen] = ideal.corners_px[other]
