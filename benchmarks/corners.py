@@ -210,7 +210,7 @@ def checkerboard(seeds: int) -> list[Row]:
 BLURS_PX = (0.4, 0.7, 1.2, 2.0)
 NOISES_LEVELS = (0.5, 2.0, 8.0)
 LOOKS = {"plain": (PLAIN, Light()), "barrel, uneven": (BARREL, UNEVEN)}
-SIZES = ((BOARD, (0.13, 0.14)), (BOARD, (0.27, 0.29)), (BOARD, (0.55, 0.58)), (LARGE_SQUARES, (0.84, 0.87)))
+SIZES = ((BOARD, (0.17, 0.18)), (BOARD, (0.27, 0.29)), (BOARD, (0.55, 0.58)), (LARGE_SQUARES, (0.84, 0.87)))
 
 
 def grid(seeds: int) -> list[Row]:
@@ -220,8 +220,13 @@ def grid(seeds: int) -> list[Row]:
         (camera, light), (board, fill) = LOOKS[look], SIZES[size]
         ideal = Ideal.render(Scene(camera, board, light, blur, fill=fill), seed)
         bound = ideal.bound_px()
-        noisy = [exposed(ideal, sensor(noise), seed).warped_px / total_noise_levels(noise) for noise in NOISES_LEVELS]
-        return ideal.spacing_px, [errors / bound for errors in noisy]
+        # Every cell has noise of its own: with the same one, chance would favour or harm all of them together.
+        stream = len(NOISES_LEVELS) * (size + len(SIZES) * (list(LOOKS).index(look) + len(LOOKS) * BLURS_PX.index(blur)))
+        ratios = []
+        for draw, noise in enumerate(NOISES_LEVELS, stream):
+            errors = exposed(ideal, sensor(noise), seed, draw).warped_px
+            ratios.append(errors / (total_noise_levels(noise) * bound))
+        return ideal.spacing_px, ratios
 
     parts = on_all_processors(work, BLURS_PX, list(LOOKS), range(len(SIZES)), range(seeds))
     cells = {}
