@@ -62,8 +62,10 @@ def too_few_views(count: int, rejected: Sequence[Rejected]) -> str:
     """Say that too few views are left, and what became of the first of the others."""
     text = f"calibrate: too few usable views (got {count}, expected at least {FEWEST_VIEWS})."
     if rejected:
-        text += f" {rejected[0].source}: {rejected[0].reason}."
-        text += f" {len(rejected) - 1} more were rejected." if len(rejected) > 1 else ""
+        reason = rejected[0].reason
+        text += f" {rejected[0].source}: {reason}{'' if reason.endswith('?') else '.'}"
+        more = len(rejected) - 1
+        text += f" {more} more {'was' if more == 1 else 'were'} rejected." if more else ""
     return text + " Take more photographs that show the whole board."
 
 
