@@ -22,14 +22,14 @@ from camcal.boards.checkerboard import Checkerboard
 from camcal.calibration.normal_equations import NormalEquations, Observations, State
 from camcal.calibration.parameters import DEFAULT_DISTORTION, free_names, places
 from camcal.calibration.solve import solve
-from camcal.detection.corner_shapes import corner_shapes
 from camcal.detection.detect import detect_board
-from camcal.detection.saddle import refine_saddle
-from camcal.detection.warped import refine_warped
 from camcal.geometry.arrays import FloatArray
 from camcal.geometry.camera import Camera
 from camcal.geometry.pose import Pose
 from camcal.observations import Calibration, Detection, Image, View
+from camcal.refinement.corner_shapes import corner_shapes
+from camcal.refinement.saddle import refine_saddle
+from camcal.refinement.warped import refine_warped
 from camcal.synthesis.bound import corner_bound
 from camcal.synthesis.render import render_view
 from camcal.synthesis.scenario import PoseSampling, Scenario

@@ -12,9 +12,9 @@ import numpy as np
 
 from camcal.boards.base import Board
 from camcal.boards.checkerboard import Checkerboard
-from camcal.detection.saddle import refine_saddle
-from camcal.detection.warped import refine_warped
 from camcal.geometry.camera import Camera
+from camcal.refinement.saddle import refine_saddle
+from camcal.refinement.warped import refine_warped
 from camcal.synthesis.poses import sample_pose
 from camcal.synthesis.render import render_view
 from camcal.synthesis.scenario import PoseSampling, Scenario

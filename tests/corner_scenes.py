@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from camcal.boards.checkerboard import Checkerboard
-from camcal.detection.corner_shapes import corner_shapes
 from camcal.geometry.camera import Camera
 from camcal.geometry.pose import Pose
+from camcal.refinement.corner_shapes import corner_shapes
 from camcal.synthesis.bound import corner_bound
 from camcal.synthesis.poses import sample_pose
 from camcal.synthesis.render import render_ideal

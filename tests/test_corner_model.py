@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from camcal.boards.checkerboard import Checkerboard
-from camcal.detection.blurred_steps import normal_step, product_excess, product_excess_slopes
-from camcal.detection.corner_model import (
+from camcal.geometry.camera import Camera
+from camcal.geometry.pose import Pose
+from camcal.refinement.blurred_steps import normal_step, product_excess, product_excess_slopes
+from camcal.refinement.corner_model import (
     ALL_FREE,
     ANGLE_1,
     ANGLE_2,
@@ -21,8 +23,6 @@ from camcal.detection.corner_model import (
     jacobian_and_residual,
     sample_patches,
 )
-from camcal.geometry.camera import Camera
-from camcal.geometry.pose import Pose
 from camcal.synthesis.render import render_ideal
 from camcal.synthesis.scenario import Light
 

@@ -7,7 +7,7 @@ import pytest
 
 from camcal.boards.aprilgrid import AprilGrid
 from camcal.boards.checkerboard import Checkerboard
-from camcal.detection.corner_shapes import corner_shapes
+from camcal.refinement.corner_shapes import corner_shapes
 
 
 def test_a_checkerboard_is_all_saddles():

@@ -9,10 +9,10 @@ import pytest
 
 from camcal.calibration.solve import solve
 from camcal.detection.detect import detect_board
-from camcal.detection.saddle import refine_saddle
-from camcal.detection.warped import refine_warped
 from camcal.formats.scenario_file import load_scenario
 from camcal.observations import Calibration, Detection
+from camcal.refinement.saddle import refine_saddle
+from camcal.refinement.warped import refine_warped
 from camcal.resources import config_names, config_path
 from camcal.synthesis.poses import sample_poses
 from camcal.synthesis.render import render_view, true_detection

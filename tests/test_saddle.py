@@ -10,8 +10,8 @@ import pytest
 from corner_scenes import BARREL, BOARD, nearby, rms, scene
 
 from camcal.boards.aprilgrid import AprilGrid
-from camcal.detection.saddle import refine_saddle
 from camcal.observations import Detection
+from camcal.refinement.saddle import refine_saddle
 from camcal.synthesis.scenario import Light, Sensor
 
 

@@ -8,10 +8,10 @@ import pytest
 from corner_scenes import BARREL, BOARD, CAMERA, nearby, rms, scene
 
 from camcal.boards.aprilgrid import AprilGrid
-from camcal.detection.saddle import refine_saddle
-from camcal.detection.warped import refine_warped
 from camcal.geometry.camera import Camera
 from camcal.geometry.pose import Pose
+from camcal.refinement.saddle import refine_saddle
+from camcal.refinement.warped import refine_warped
 from camcal.synthesis.scenario import Light, Sensor
 
 UNEVEN = Light(vignetting=0.4, gradient=0.2, gradient_direction_deg=30)

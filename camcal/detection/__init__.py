@@ -1,1 +1,1 @@
-"""Image to Detection or Rejected: board finders and sub-pixel refinement."""
+"""Image to Detection or Rejected: board finders, checks, and first sub-pixel corners."""

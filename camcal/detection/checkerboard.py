@@ -22,8 +22,8 @@ from camcal.detection.grid import (
     spacing_px,
     trimmed,
 )
-from camcal.detection.refine import refine
 from camcal.detection.sampling import Gray, Reduced, reduced
+from camcal.detection.subpixel import refine
 from camcal.geometry.arrays import BoolArray, FloatArray
 from camcal.observations import Detection, Rejected
 

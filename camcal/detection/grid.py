@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from camcal.detection.refine import refine
 from camcal.detection.sampling import Gray, sample
+from camcal.detection.subpixel import refine
 from camcal.geometry.arrays import BoolArray, FloatArray
 
 # How far towards the middles of the four squares around a corner (.5) their colours are looked up: near the corner, where

@@ -8,8 +8,8 @@ import numpy as np
 
 from camcal.boards.aprilgrid import FAMILIES, AprilGrid, tag_ink
 from camcal.detection.neighbours import without_strays
-from camcal.detection.refine import SMALLEST_REACH_PX, refine
 from camcal.detection.sampling import Gray
+from camcal.detection.subpixel import SMALLEST_REACH_PX, refine
 from camcal.detection.tags import Tags, tag_likeness
 from camcal.geometry.arrays import BoolArray, FloatArray, IntArray
 from camcal.geometry.homography import apply_homography, homography_from_points

@@ -11,14 +11,14 @@ from camcal.boards.base import Board
 from camcal.calibration.views import FEWEST_CORNERS
 from camcal.detection.blur import flag_blurred
 from camcal.detection.detect import detect_board
-from camcal.detection.refinement import Refinement
-from camcal.detection.saddle import refine_saddle
-from camcal.detection.warped import refine_warped
 from camcal.errors import InputError
 from camcal.formats.corners_file import load_corners
 from camcal.formats.images import ImageFile, read_gray
 from camcal.geometry.pose import Pose
 from camcal.observations import Calibration, Detection, Rejected
+from camcal.refinement.saddle import refine_saddle
+from camcal.refinement.verdicts import Refinement
+from camcal.refinement.warped import refine_warped
 from camcal.workflows.parallel import each
 from camcal.workflows.reporting import Reporter
 

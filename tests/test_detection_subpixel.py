@@ -9,7 +9,7 @@ from board_images import CAMERA, pose_of, shoot
 from camcal.boards.checkerboard import Checkerboard
 from camcal.detection.grid import contrasts, is_grid, is_regular, oriented, right_handed, spacing_px
 from camcal.detection.neighbours import without_strays
-from camcal.detection.refine import refine
+from camcal.detection.subpixel import refine
 
 BOARD = Checkerboard(9, 6, 0.025)
 

@@ -8,8 +8,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from camcal.detection.corner_fit import Fit, fit_corners
-from camcal.detection.corner_model import (
+from camcal.geometry.arrays import BoolArray, FloatArray, IntArray
+from camcal.observations import Image
+from camcal.refinement.corner_fit import Fit, fit_corners
+from camcal.refinement.corner_model import (
     ALL_FREE,
     ANGLE_1,
     BEND_1,
@@ -24,8 +26,6 @@ from camcal.detection.corner_model import (
     X,
     sample_patches,
 )
-from camcal.geometry.arrays import BoolArray, FloatArray, IntArray
-from camcal.observations import Image
 
 _COARSE_RADIUS_PX = 7.0
 # A camera that sharpens leaves edges steeper than a pixel's area allows, with a fringe on both sides. A fit that begins

@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from camcal.boards.base import Board
-from camcal.detection.corner_model import RESPONSE, SHAPE_KNOWN
-from camcal.detection.corner_search import Found, Starts, search_corners
-from camcal.detection.corner_shapes import CornerShapes, corner_shapes
-from camcal.detection.refinement import Refinement, Verdicts, finite_rows, judged
-from camcal.detection.saddle import LEAST_RADIUS_PX, RADIUS_SHARE, room_px
 from camcal.geometry.arrays import FloatArray, IntArray
 from camcal.geometry.camera import Camera
 from camcal.geometry.pose import Pose
 from camcal.observations import Image
+from camcal.refinement.corner_model import RESPONSE, SHAPE_KNOWN
+from camcal.refinement.corner_search import Found, Starts, search_corners
+from camcal.refinement.corner_shapes import CornerShapes, corner_shapes
+from camcal.refinement.saddle import LEAST_RADIUS_PX, RADIUS_SHARE, room_px
+from camcal.refinement.verdicts import Refinement, Verdicts, finite_rows, judged
 
 LARGEST_RADIUS_PX = 120.0
 # Where the curve of an edge is sampled, as shares of the patch's radius to both sides.

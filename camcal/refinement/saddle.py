@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from camcal.boards.base import Board
-from camcal.detection.corner_model import ALL_FREE, RESPONSE
-from camcal.detection.corner_search import Starts, search_corners
-from camcal.detection.corner_shapes import DOWN, LEFT, RIGHT, UP, CornerShapes, corner_shapes
-from camcal.detection.refinement import Refinement, Verdicts, finite_rows, judged
 from camcal.geometry.arrays import FloatArray, IntArray
 from camcal.observations import Image
+from camcal.refinement.corner_model import ALL_FREE, RESPONSE
+from camcal.refinement.corner_search import Starts, search_corners
+from camcal.refinement.corner_shapes import DOWN, LEFT, RIGHT, UP, CornerShapes, corner_shapes
+from camcal.refinement.verdicts import Refinement, Verdicts, finite_rows, judged
 
 LARGEST_RADIUS_PX = 12.0
 RADIUS_SHARE = 0.45

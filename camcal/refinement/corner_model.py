@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camcal.detection.blurred_steps import Float32Array, column, normal_step, product_excess, product_excess_slopes
 from camcal.geometry.arrays import FloatArray, IntArray
 from camcal.observations import Image
+from camcal.refinement.blurred_steps import Float32Array, column, normal_step, product_excess, product_excess_slopes
 
 X, Y, LOG_BLUR, OFFSET, GAIN, SLOPE_X, SLOPE_Y, OVERSHOOT, RESPONSE, SMEAR, ANGLE_1, ANGLE_2, BEND_1, BEND_2 = range(14)
 """Columns of the parameters (see `Corners.params`)."""

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from camcal.detection.corner_fit import LARGEST_RESPONSE
-from camcal.detection.corner_model import ANGLE_1, BEND_1, GAIN, LOG_BLUR, RESPONSE
-from camcal.detection.corner_search import Found, Starts
 from camcal.geometry.arrays import BoolArray, FloatArray, IntArray
 from camcal.observations import Detection, Image
+from camcal.refinement.corner_fit import LARGEST_RESPONSE
+from camcal.refinement.corner_model import ANGLE_1, BEND_1, GAIN, LOG_BLUR, RESPONSE
+from camcal.refinement.corner_search import Found, Starts
 
 ACCEPTED = ""
 """Reason of a corner that is good."""

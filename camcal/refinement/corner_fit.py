@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from camcal.detection.corner_model import (
+from camcal.geometry.arrays import BoolArray, FloatArray, IntArray
+from camcal.refinement.corner_model import (
     ALL_FREE,
     ANGLE_1,
     BEND_1,
@@ -21,7 +22,6 @@ from camcal.detection.corner_model import (
     X,
     jacobian_and_residual,
 )
-from camcal.geometry.arrays import BoolArray, FloatArray, IntArray
 
 _FIRST_DAMPING = 1e-3
 _LEAST_DAMPING, _LARGEST_DAMPING = 1e-4, 1e7
