@@ -53,11 +53,6 @@ def usable_views(
     return tuple(used), tuple(rejected)
 
 
-def spans_plane(detection: Detection, object_points: FloatArray) -> bool:
-    """Tell whether a view has enough corners, not all on one line of the board or of the image, to give a pose."""
-    return not _defect(detection, object_points)
-
-
 def too_few_views(count: int, rejected: Sequence[Rejected]) -> str:
     """Say that too few views are left, and what became of the first of the others."""
     text = f"calibrate: too few usable views (got {count}, expected at least {FEWEST_VIEWS})."

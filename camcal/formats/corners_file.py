@@ -19,7 +19,6 @@ from camcal.formats.text import read_text, shown
 from camcal.geometry.arrays import BoolArray, FloatArray, IntArray
 from camcal.observations import Detection
 
-CORNERS_FILE_NAME = "corners.csv"
 HEADER = ("image", "width", "height", "id", "x", "y", "sigma", "residual_x", "residual_y", "used")
 
 _NEEDED = HEADER[:6]

@@ -73,11 +73,6 @@ class BrownConrady:
         return not self.coefficients.any()
 
     @property
-    def is_radial(self) -> bool:
-        """Whether there is no tangential part."""
-        return not self.coefficients[2:4].any()
-
-    @property
     def valid_radius(self) -> float:
         """Smallest undistorted radius at which the Jacobian's determinant turns zero; inf if it never does."""
         return find_fold(tuple(self.coefficients.tolist())).radius

@@ -23,9 +23,6 @@ X, Y, LOG_BLUR, OFFSET, GAIN, SLOPE_X, SLOPE_Y, OVERSHOOT, RESPONSE, SMEAR, ANGL
 SHAPE_KNOWN, STRAIGHT, ALL_FREE = 10, 12, 14
 """How many leading parameters are fitted: with the edges' shape known, with straight edges of any angle, with curved ones."""
 
-PIXEL_VARIANCE = 1.0 / 12.0
-"""Variance, per axis, that the area of a pixel adds to the blur; px²."""
-
 _NEAR_BLURS = 4.2
 _LARGEST_CORRELATION = 0.98
 
