@@ -156,8 +156,8 @@ def best_covariance(truth: Sequence[Detection], poses: Sequence[Pose], bounds_px
     sigma = np.sqrt((np.concatenate(bounds_px) ** 2).mean(axis=1))
     # Not `weighted`, which scales all weights by one number: in these units the residuals have a variance of 1.
     seen = replace(Observations.gather(truth, BOARD.object_points), weights=1 / sigma)
-    normal = NormalEquations.build(State.of(CAMERA, poses), seen, places(CAMERA, FREE))
-    covariance, _, _ = normal.covariances(1.0)
+    state = State.of(CAMERA, poses)
+    covariance = NormalEquations.build(state, seen, places(CAMERA, FREE)).covariances(state, 1.0).shared
     named = [FREE.index(name) for name in NAMES]
     return covariance[np.ix_(named, named)]
 

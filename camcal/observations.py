@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from camcal.geometry.arrays import FloatArray, IntArray, frozen_floats, frozen_ints
+from camcal.geometry.arrays import BoolArray, FloatArray, IntArray, frozen_floats, frozen_ints
 from camcal.geometry.camera import Camera
 from camcal.geometry.pose import Pose
+from camcal.verdict import Verdict
 
 Image = npt.NDArray[Any]
 """An image of shape (height, width) or (height, width, channels), uint8, uint16 or float32."""
@@ -58,6 +59,10 @@ class Detection:
         """Return the number of corners."""
         return int(self.ids.size)
 
+    def take(self, keep: BoolArray) -> Detection:
+        """Return the same view with some of its corners, shape (N,)."""
+        return replace(self, ids=self.ids[keep], corners_px=self.corners_px[keep], sigma_px=self.sigma_px[keep])
+
 
 @dataclass(frozen=True, slots=True)
 class Rejected:
@@ -94,6 +99,101 @@ class View:
     detection: Detection
 
 
+@dataclass(frozen=True, slots=True)
+class Outlier:
+    """A corner that was seen but left out of the solve.
+
+    Attributes
+    ----------
+    source : str
+        Name of the image.
+    id : int
+        Feature id.
+    corner_px : tuple of float
+        Where it was seen.
+    sigma_px : float
+        Its standard deviation per axis as the refinement gave it, pixels; NaN where it is not known.
+    residual_px : tuple of float
+        Seen minus projected, pixels.
+    reason : str
+        Why, as a clause.
+    """
+
+    source: str
+    id: int
+    corner_px: tuple[float, float]
+    sigma_px: float
+    residual_px: tuple[float, float]
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoardShape:
+    """How a real board was found to differ from a flat and true print.
+
+    Attributes
+    ----------
+    names : tuple of str
+        What was solved for: `bow_x`, `bow_y` (height in metres of the bow in the middle of the board, along x and along y,
+        positive into the board) and `stretch` (of y against x, dimensionless).
+    values : ndarray of shape (S,)
+    covariance : ndarray of shape (S, S)
+    """
+
+    names: tuple[str, ...] = ()
+    values: FloatArray = field(default_factory=lambda: np.zeros(0))
+    covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def __post_init__(self) -> None:
+        count = len(self.names)
+        object.__setattr__(self, "values", frozen_floats(self.values, (count,), "values"))
+        object.__setattr__(self, "covariance", frozen_floats(self.covariance, (count, count), "covariance"))
+
+    @property
+    def sigma(self) -> FloatArray:
+        """Standard deviation of each value, shape (S,)."""
+        sigma: FloatArray = np.sqrt(np.diag(self.covariance))
+        return sigma
+
+
+@dataclass(frozen=True, slots=True)
+class ImageSigma:
+    """Standard deviation of the projection over an image, in pixels along its worst direction; NaN where there is no ray.
+
+    Attributes
+    ----------
+    centre_px : float
+    edges_px : tuple of float
+        At the middle of the top, right, bottom and left edge.
+    corners_px : tuple of float
+        At the top-left, top-right, bottom-right and bottom-left corner.
+    shares : tuple of float
+        Share of the image where it is below 0.1, 0.5 and 1 px.
+    """
+
+    centre_px: float
+    edges_px: tuple[float, float, float, float]
+    corners_px: tuple[float, float, float, float]
+    shares: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Uncertainty:
+    """How well a calibration knows where a point is seen.
+
+    Attributes
+    ----------
+    range_m : float
+        Distance at which the boards stood (median).
+    at_range, at_infinity : ImageSigma
+        For points as far away as the boards, and infinitely far ones.
+    """
+
+    range_m: float
+    at_range: ImageSigma
+    at_infinity: ImageSigma
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Intrinsics:
     """A camera and how well it is known: what a camera file holds, be it the truth or an estimate.
@@ -113,8 +213,14 @@ class Intrinsics:
         Root mean square of the 2-D residual length per corner in pixels; NaN for a truth.
     views, corners : int
         How many went into the solve.
-    problems : tuple of str
-        Why the result must not be trusted, in order of weight; empty if no gate failed.
+    shape : BoardShape
+        What was found about the board's own shape.
+    uncertainty : Uncertainty or None
+        None for a truth.
+    cross_validation : float
+        Difference of halves of the views over its prediction, about 1 if the uncertainty is honest; NaN where unknown.
+    verdict : Verdict or None
+        None if nobody judged it.
     """
 
     camera: Camera
@@ -125,7 +231,10 @@ class Intrinsics:
     rms_px: float = float("nan")
     views: int = 0
     corners: int = 0
-    problems: tuple[str, ...] = ()
+    shape: BoardShape = field(default_factory=BoardShape)
+    uncertainty: Uncertainty | None = None
+    cross_validation: float = float("nan")
+    verdict: Verdict | None = None
 
     def __post_init__(self) -> None:
         count = len(self.free)
@@ -135,6 +244,11 @@ class Intrinsics:
     def sigma(self) -> dict[str, float]:
         """Standard deviation of each free intrinsic, in its unit, by name."""
         return dict(zip(self.free, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """Why it must not be trusted, in order of weight; empty unless it was rejected."""
+        return () if self.verdict is None else self.verdict.problems
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,38 +293,51 @@ class Calibration:
     camera : Camera
     free : tuple of str
         Names of the intrinsics that were solved for, in the order of `camera.intrinsic_names`.
-    covariance : ndarray of shape (F, F)
-        Covariance of the free intrinsics, in the squares of their units.
+    joint_covariance : ndarray of shape (F + 6, F + 6)
+        Covariance of the free intrinsics and of the boards' mean motion in the camera frame: a rotation vector (radians)
+        and a translation (metres) about the camera's centre. The two go together: a calibration cannot tell a small turn
+        of the camera from a shift of its principal point.
     detections : tuple of Detection
-        The views that were used, sorted by source.
+        The views that were used, with the corners that were used, sorted by source.
     poses : tuple of Pose
         T_cam_board of each of them.
     pose_sigmas : ndarray of shape (V, 6)
         Standard deviations of each view's rvec (radians) and t (metres).
     residuals_px : tuple of ndarray
         Seen minus projected corner of each view, shape (N, 2), pixels.
+    shape : BoardShape
+        What was solved for of the board's own shape.
+    outliers : tuple of Outlier
+        Corners that were left out: single ones of used views, and all of views that do not fit the others.
     rejected : tuple of Rejected
         The images that gave no view.
     """
 
     camera: Camera
     free: tuple[str, ...]
-    covariance: FloatArray
+    joint_covariance: FloatArray
     detections: tuple[Detection, ...]
     poses: tuple[Pose, ...]
     pose_sigmas: FloatArray
     residuals_px: tuple[FloatArray, ...]
+    shape: BoardShape = field(default_factory=BoardShape)
+    outliers: tuple[Outlier, ...] = ()
     rejected: tuple[Rejected, ...] = ()
 
     def __post_init__(self) -> None:
-        free, views = len(self.free), len(self.detections)
-        object.__setattr__(self, "covariance", frozen_floats(self.covariance, (free, free), "covariance"))
+        joint, views = len(self.free) + 6, len(self.detections)
+        object.__setattr__(self, "joint_covariance", frozen_floats(self.joint_covariance, (joint, joint), "joint_covariance"))
         object.__setattr__(self, "pose_sigmas", frozen_floats(self.pose_sigmas, (views, 6), "pose_sigmas"))
         residuals = tuple(
             frozen_floats(residual, (len(detection), 2), "residuals_px")
             for residual, detection in zip(self.residuals_px, self.detections, strict=True)
         )
         object.__setattr__(self, "residuals_px", residuals)
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of the free intrinsics, shape (F, F), in the squares of their units."""
+        return self.joint_covariance[: len(self.free), : len(self.free)]
 
     @property
     def rms_px(self) -> float:

@@ -14,7 +14,6 @@ from camcal.boards.aprilgrid import AprilGrid
 from camcal.boards.checkerboard import Checkerboard
 from camcal.calibration.causes import quarter_turn, solve_board
 from camcal.calibration.finish import descend
-from camcal.calibration.gates import capture_warnings, quality_problems
 from camcal.calibration.normal_equations import Observations, State
 from camcal.calibration.parameters import DEFAULT_DISTORTION, free_names, parse_distortion, places
 from camcal.calibration.solve import solve
@@ -22,6 +21,7 @@ from camcal.errors import DetectionError, InputError, SolveError
 from camcal.geometry.camera import Camera
 from camcal.geometry.pose import Pose
 from camcal.observations import Detection, Rejected
+from camcal.trust.gates import gate_findings
 
 POINTS = BOARD.object_points
 FREE_COLUMNS = [0, 1, 2, 3, 5, 6, 9]
@@ -203,15 +203,6 @@ def test_a_focal_length_that_is_not_known_is_refused():
     assert "--distortion" not in str(caught.value)
 
 
-def test_a_doubtful_focal_length_is_a_warning():
-    """Known to some percent only: solved, with a warning that gives the standard deviation and says to tilt."""
-    solved = solve(detections(poses(10, 2, tilt=0.03), noise_px=0.1), POINTS)
-    sigma = 100 * np.sqrt(np.diag(solved.covariance)[:2]) / np.diag(solved.camera.K)[:2]
-    (warning,) = capture_warnings(solved)
-    assert f"±{sigma.max():.2g} %" in warning
-    assert "Tilt the board" in warning
-
-
 def test_two_views_are_too_few():
     """Fewer than three usable views: an error that names the first rejected image and why."""
     with pytest.raises(DetectionError, match=r"got 2, expected at least 3.*bad\.png: no board"):
@@ -270,12 +261,16 @@ def test_copies_of_a_view_hold_no_information():
         solve(views[:2] + copies[:2], POINTS)
 
 
-def test_a_view_of_garbage_is_named():
-    """Random corners in one view bend the camera until it is not determined: the error names that view."""
+def test_a_view_of_garbage_is_left_out_by_name():
+    """Random corners in one view bend the camera until it is not determined: without that view it is as good as ever."""
     views = detections(poses(12, 6), noise_px=0.1)
     garbage = with_corners(views[5], np.random.default_rng(0).uniform(0, 900, (54, 2)))
-    with pytest.raises(SolveError, match="view_005 fits worst"):
-        solve_board([garbage, *views[:5], *views[6:]], BOARD)
+    solved = solve_board([garbage, *views[:5], *views[6:]], BOARD)
+    (rejection,) = solved.rejected
+    assert rejection.source == "view_005"
+    assert "does not fit the other views" in rejection.reason
+    expected = solve([*views[:5], *views[6:]], POINTS)
+    np.testing.assert_allclose(solved.camera.intrinsics, expected.camera.intrinsics, rtol=1e-6, atol=1e-9)
 
 
 def test_nothing_but_garbage_does_not_ask_for_tilt():
@@ -288,33 +283,11 @@ def test_nothing_but_garbage_does_not_ask_for_tilt():
     assert "--distortion" not in str(caught.value)
 
 
-def test_an_outstanding_view_or_corner_is_a_warning():
-    """One view jittered by 3 px, or one corner moved by 12 px, is named; the result stands."""
-    views = detections(poses(12, 6), noise_px=0.1)
-    jitter = np.random.default_rng(1).normal(size=(54, 2)) * 3
-    (warning,) = capture_warnings(solve([*views[:4], with_corners(views[4], views[4].corners_px + jitter), *views[5:]], POINTS))
-    assert "view_004 fits worst" in warning
-    moved = views[4].corners_px.copy()
-    moved[20] += [0, 12]
-    (warning,) = capture_warnings(solve([*views[:4], with_corners(views[4], moved), *views[5:]], POINTS))
-    assert "view_004: corner 20 lies" in warning
-    assert capture_warnings(solve(views, POINTS)) == ()
-
-
 def test_mirrored_corners_are_refused():
     """Corners numbered from the wrong side fit perfectly, to boards seen from behind: an error that says so."""
     views = [with_corners(v, grid(v)[:, ::-1].reshape(-1, 2)) for v in detections(poses(9, 6), noise_px=0.1)]
     with pytest.raises(SolveError, match=r"seen from behind in 9 of 9 views: the ids or the images are mirrored"):
         solve_board(views, BOARD)
-
-
-def test_one_mirrored_view_is_a_warning():
-    """A single mirrored view is named, and the camera stands: it is counted by view, not on average."""
-    views = detections(poses(9, 6), noise_px=0.1)
-    mirrored = with_corners(views[2], grid(views[2])[:, ::-1].reshape(-1, 2))
-    solved = solve_board([*views[:2], mirrored, *views[3:]], BOARD)
-    (warning,) = capture_warnings(solved)
-    assert "view_002: the board is seen from behind (1 of 9 views)" in warning
 
 
 @pytest.mark.parametrize("extreme", [5e-324, 1e-300, 1e308])
@@ -374,7 +347,7 @@ def test_swapped_rows_and_columns_are_recognised(seed):
         message = str(error)
     else:
         assert solved.rms_px > 3
-        message = quality_problems(solved, BOARD)[0]
+        message = str(gate_findings(solved, BOARD)[0])
     assert "checkerboard:6x9:25mm" in message
     assert "rows and columns are swapped" in message
 
@@ -384,27 +357,6 @@ def test_unsolvable_views_of_the_right_board_are_not_called_swapped():
     with pytest.raises(SolveError) as caught:
         solve_board(detections(poses(8, 12, tilt=0.0), noise_px=0.02), BOARD)
     assert "swapped" not in str(caught.value)
-
-
-def test_good_calibration_passes_every_gate():
-    """Ordinary noise raises no problem."""
-    assert quality_problems(solve(detections(poses(10, 17), noise_px=0.1), POINTS), BOARD) == ()
-
-
-def test_pixels_far_from_square_need_the_flag():
-    """An fx / fy of 2 is a problem unless it was announced."""
-    camera = Camera(CAMERA.size, [[900, 0, 640], [0, 450, 480], [0, 0, 1]], [-0.1])
-    solved = solve(detections(poses(10, 18, camera=camera), camera=camera), POINTS)
-    assert "fx / fy is 2.000" in quality_problems(solved, BOARD)[0]
-    assert quality_problems(solved, BOARD, anamorphic=True) == ()
-
-
-def test_fold_inside_the_corners_is_a_problem():
-    """A model that turns back inside the area of the corners must not be handed over."""
-    solved = solve(detections(poses(10, 19), noise_px=0.1), POINTS)
-    folded = replace(solved, camera=Camera(CAMERA.size, CAMERA.K, [-2.0]))
-    problems = quality_problems(folded, BOARD)
-    assert any("turns back" in problem for problem in problems)
 
 
 def test_mixed_image_sizes_are_a_programming_error():

@@ -25,6 +25,7 @@ from camcal.formats.corners_file import save_corners
 from camcal.geometry.camera import Camera
 from camcal.observations import Detection, Intrinsics
 from camcal.resources import config_names
+from camcal.verdict import Finding, Verdict
 from camcal.workflows.observe import REFINEMENTS
 
 COMMANDS = ("demo", "board", "synth", "calibrate", "undistort", "verify")
@@ -332,7 +333,8 @@ def test_undistort_alpha(run, dataset, tmp_path):
 def test_undistort_with_an_untrusted_camera_warns(run, dataset, calibrated, tmp_path):
     """A camera marked as not to be trusted is used, with its first problem as a warning."""
     marked = tmp_path / "camera.yaml"
-    save_intrinsics(marked, replace(load_intrinsics(calibrated), problems=("RMS is 7 px.", "and more")))
+    verdict = Verdict((Finding("large_rms", "rejected", 1.0, "RMS is 7 px", "Look."),))
+    save_intrinsics(marked, replace(load_intrinsics(calibrated), verdict=verdict))
     code, _, err = run("undistort", dataset / "images/view_0000.png", "--camera", marked, "-o", tmp_path / "flat")
     assert code == 0
     assert one_line(err).startswith("camcal: warning: ")
@@ -617,8 +619,8 @@ class TestBadInput:
         assert code == 5
         assert "RMS" in err
         camera = yaml.safe_load((tmp_path / "o/camera.yaml").read_text())
-        assert camera["camcal"]["trusted"] is False
-        assert "RMS" in camera["camcal"]["problems"][0]
+        assert camera["camcal"]["verdict"] == "rejected"
+        assert "RMS" in camera["camcal"]["findings"][0]["text"]
 
     @pytest.mark.parametrize(
         "spec",

@@ -109,11 +109,11 @@ def test_summary_field_of_view(summary, dataset):
 
 
 def test_summary_names_views_that_stand_out(summary, dataset, tmp_path):
-    """Corners of one view made 2 px worse: that view is named as the worst one, and no other."""
+    """Corners of one view made four times as bad as the others': that view is named as the worst one, and no other."""
     seen = list(load_corners(dataset / "corners.csv"))
     rng = np.random.default_rng(5)
     noisy = [
-        Detection(d.source, d.size, d.ids, d.corners_px + rng.normal(0, 2.0 if i == 4 else 0.2, (len(d), 2)), d.sigma_px)
+        Detection(d.source, d.size, d.ids, d.corners_px + rng.normal(0, 0.8 if i == 4 else 0.2, (len(d), 2)), d.sigma_px)
         for i, d in enumerate(seen)
     ]
     save_corners(tmp_path / "noisy.csv", noisy)

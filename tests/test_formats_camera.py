@@ -15,11 +15,26 @@ from hypothesis import strategies as st
 from camcal.errors import InputError
 from camcal.formats.camera_file import camera_yaml, load_intrinsics, save_intrinsics
 from camcal.geometry.camera import Camera
-from camcal.observations import Intrinsics
+from camcal.observations import BoardShape, ImageSigma, Intrinsics, Uncertainty
+from camcal.verdict import LEVELS, Finding, Verdict
 
 FOCAL = st.floats(1e-3, 1e6)
 FINITE = st.floats(-1e6, 1e6)
 TEXT = st.text(st.characters(exclude_categories=("C", "Zl", "Zp")), max_size=40)
+
+
+@st.composite
+def image_sigmas(draw: st.DrawFn) -> ImageSigma:
+    """Any standard deviations over an image, also where no ray reaches."""
+    sigma = st.floats(0, 1e6) | st.just(math.nan)
+    edges, corners = (draw(st.tuples(sigma, sigma, sigma, sigma)) for _ in range(2))
+    share = st.floats(0, 1)
+    return ImageSigma(draw(sigma), edges, corners, draw(st.tuples(share, share, share)))
+
+
+FINDINGS = st.builds(Finding, TEXT.filter(bool), st.sampled_from(LEVELS), FINITE, TEXT, TEXT)
+VERDICTS = st.lists(FINDINGS, max_size=3).map(Verdict.of)
+UNCERTAINTIES = st.builds(Uncertainty, st.floats(1e-3, 1e3), image_sigmas(), image_sigmas())
 
 
 @st.composite
@@ -39,7 +54,10 @@ def intrinsics(draw: st.DrawFn) -> Intrinsics:
         rms_px=draw(st.floats(0, 100) | st.just(math.nan)),
         views=draw(st.integers(0, 1000)),
         corners=draw(st.integers(0, 100000)),
-        problems=tuple(draw(st.lists(TEXT, max_size=2))),
+        shape=draw(st.sampled_from([BoardShape(), BoardShape(("bow_x", "bow_y"), [1e-4, -2e-5], np.diag([1e-10, 4e-12]))])),
+        uncertainty=draw(UNCERTAINTIES),
+        cross_validation=draw(st.floats(0, 100) | st.just(math.nan)),
+        verdict=draw(st.none() | VERDICTS),
     )
 
 
@@ -68,8 +86,14 @@ def test_round_trip_is_bit_exact(tmp_path_factory: pytest.TempPathFactory, given
     assert found.camera.size == given_.camera.size
     assert found.camera.K.tobytes() == given_.camera.K.tobytes()
     assert found.camera.dist.tobytes() == given_.camera.dist.tobytes()
-    for name in ("name", "board", "free", "views", "corners", "problems"):
+    for name in ("name", "board", "free", "views", "corners", "verdict"):
         assert getattr(found, name) == getattr(given_, name)
+    assert found.shape.names == given_.shape.names
+    assert found.shape.values.tobytes() == given_.shape.values.tobytes()
+    assert found.shape.sigma.tobytes() == given_.shape.sigma.tobytes()
+    # NaN is equal to itself only in print.
+    assert repr(found.uncertainty) == repr(given_.uncertainty)
+    assert repr(found.cross_validation) == repr(given_.cross_validation)
     assert found.rms_px == given_.rms_px or (math.isnan(found.rms_px) and math.isnan(given_.rms_px))
     assert found.sigma == given_.sigma
     # Two products and a quotient, each rounded once.
@@ -117,7 +141,20 @@ def test_uncertainty_is_stored_as_standard_deviations_and_correlations() -> None
     known = yaml.safe_load(camera_yaml(example()))["camcal"]
     assert known["standard_deviations"] == {"fx": 2.0, "k1": 0.5}
     assert known["correlations"] == [[1.0, 0.5], [0.5, 1.0]]
-    assert (known["format_version"], known["trusted"], known["problems"]) == (1, True, [])
+    assert known["format_version"] == 2
+    assert not {"verdict", "findings", "uncertainty", "board_shape"} & known.keys()
+
+
+def test_a_verdict_stands_in_the_file_with_its_findings() -> None:
+    """The word for a quick look, and each finding with what to do; the worst level makes the word."""
+    notes = [
+        Finding("few_views", "usable", 1.0, "4 views", "Take more."),
+        Finding("large_rms", "rejected", 1.0, "9 px", "Look."),
+    ]
+    known = yaml.safe_load(camera_yaml(example(verdict=Verdict.of(notes))))["camcal"]
+    assert known["verdict"] == "rejected"
+    assert [finding["code"] for finding in known["findings"]] == ["large_rms", "few_views"]
+    assert known["findings"][0] == {"code": "large_rms", "level": "rejected", "weight": 1.0, "text": "9 px", "advice": "Look."}
 
 
 def test_a_truth_has_no_uncertainty(tmp_path: Path) -> None:
@@ -148,7 +185,9 @@ def test_lens_model_follows_the_coefficients(dist: list[float], free: tuple[str,
 
 def test_same_intrinsics_give_the_same_bytes_after_a_round_trip(tmp_path: Path) -> None:
     """Reading and writing again changes nothing."""
-    save_intrinsics(tmp_path / "a.yaml", example(problems=("RMS 9 px",)))
+    save_intrinsics(
+        tmp_path / "a.yaml", example(verdict=Verdict((Finding("large_rms", "rejected", 3.1, "RMS 9 px", "Look."),)))
+    )
     save_intrinsics(tmp_path / "b.yaml", load_intrinsics(tmp_path / "a.yaml"))
     assert (tmp_path / "a.yaml").read_bytes() == (tmp_path / "b.yaml").read_bytes()
 
@@ -194,7 +233,7 @@ def test_ros_camera_info_is_read(tmp_path: Path, model: str, rows: int, cols: in
     found = load_intrinsics(path)
     assert found.camera.K.tolist() == [[500, 0, 320.5], [0, 501, 240.5], [0, 0, 1]]
     assert found.camera.dist.tolist() == data + [0.0] * (8 - len(data))
-    assert (found.camera.size, found.name, found.free, found.problems) == ((640, 480), "narrow_stereo", (), ())
+    assert (found.camera.size, found.name, found.free, found.verdict) == ((640, 480), "narrow_stereo", (), None)
 
 
 def test_a_file_rewritten_by_opencv_is_read(tmp_path: Path) -> None:

@@ -11,16 +11,20 @@ from camcal.cli import main
 
 CASES = {
     "opencv_left": ("opencv_left", "checkerboard:9x6:25mm", 13, 0.19, (531, 536)),
-    "udacity_wide": ("udacity_wide/GOPR*.jpg", "checkerboard:8x6:1m", 35, 0.535, (557, 563)),
+    "udacity_wide": ("udacity_wide/GOPR*.jpg", "checkerboard:8x6:1m", 35, 0.535, (555, 566)),
     "swat_calib": ("swat_calib", "checkerboard:7x5:30mm", 17, 0.18, (755, 785)),
     "moms_left": ("moms_left", "aprilgrid:5x4:20mm:0.25:family=tag36h10:first=top-left", 12, 0.34, (1040, 1085)),
 }
-"""Images, board, fewest views, largest RMS in px, range of fx and fy in px: marks set with stock OpenCV's corners."""
+"""Images, board, fewest views, largest RMS in px, range of fx and fy in px: marks set with stock OpenCV's corners.
+
+On udacity_wide the focal length depends on the lens model more than on the corners: k1..k3 from stock corners give 560.7,
+the rational model that fits the image's edge as well gives 566; the range is 1 % about the first.
+"""
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_calibration_of_photographs(case, photos, tmp_path, capsys):
-    """Enough views, a small RMS, the expected focal length, exit code 0, and a camera file that says it can be trusted."""
+    """Enough views, a small RMS, the expected focal length, exit code 0, and a verdict that lets it be used."""
     images, board, views, rms_px, (low, high) = CASES[case]
     code = main(["calibrate", str(photos / images), "--board", board, "-o", str(tmp_path / "calib"), "--json"])
     result = json.loads(capsys.readouterr().out)
@@ -29,7 +33,7 @@ def test_calibration_of_photographs(case, photos, tmp_path, capsys):
     assert result["rms_px"] <= rms_px
     assert low <= result["intrinsics"]["fx"] <= high
     assert low <= result["intrinsics"]["fy"] <= high
-    assert yaml.safe_load((tmp_path / "calib/camera.yaml").read_text())["camcal"]["trusted"] is True
+    assert yaml.safe_load((tmp_path / "calib/camera.yaml").read_text())["camcal"]["verdict"] in ("usable", "good")
 
 
 @pytest.mark.parametrize("case", ["opencv_left", "udacity_wide", "moms_left"])

@@ -86,9 +86,9 @@ def test_one_corner_shifted_by_a_fiftieth_of_a_pixel_fails(suite, capsys, monkey
     first: list[bytes] = []
     solve = observe.observe_again
 
-    def again(calibration, *rest):
+    def again(calibration, *rest, **how):
         first[:] = [calibration.poses[0].t.tobytes()]
-        return solve(calibration, *rest)
+        return solve(calibration, *rest, **how)
 
     monkeypatch.setattr(observe, "refine_warped", shifted)
     monkeypatch.setattr("camcal.workflows.calibrate.observe_again", again)

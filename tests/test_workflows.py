@@ -15,8 +15,10 @@ from camcal.compare.parameters import parameter_errors
 from camcal.formats.camera_file import load_intrinsics, save_intrinsics
 from camcal.observations import Intrinsics
 from camcal.threads import single_threaded
+from camcal.verdict import Finding, Verdict
 
 BOARD = "checkerboard:7x6:20mm"
+ABSURD = Verdict((Finding("large_rms", "rejected", 1.0, "RMS is absurd", "Look."),))
 
 
 @pytest.fixture
@@ -25,7 +27,7 @@ def untrusted(calibrated, tmp_path):
     folder = tmp_path / "untrusted"
     shutil.copytree(calibrated, folder)
     known = load_intrinsics(folder)
-    marked = Intrinsics(known.camera, free=known.free, covariance=known.covariance, problems=("RMS is absurd.",))
+    marked = Intrinsics(known.camera, free=known.free, covariance=known.covariance, verdict=ABSURD)
     save_intrinsics(folder / "camera.yaml", marked)
     return folder
 
@@ -44,13 +46,13 @@ def test_undistorted_images_of_an_untrusted_camera_are_marked(dataset, untrusted
     """The mark and its reason go on into the camera of the undistorted images, and a warning is given."""
     with caplog.at_level(logging.WARNING, logger="camcal"):
         camcal.undistort(dataset / "images", untrusted, tmp_path / "flat")
-    assert load_intrinsics(tmp_path / "flat").problems == ("RMS is absurd.",)
-    assert "not to be trusted: RMS is absurd." in caplog.text
+    assert load_intrinsics(tmp_path / "flat").verdict == ABSURD
+    assert "not to be trusted: RMS is absurd. Look." in caplog.text
 
 
 def test_untrusted_estimate_does_not_verify(dataset, untrusted):
     """However close it is, an estimate that is marked fails verification with the reason."""
-    assert camcal.verify(untrusted, dataset).problems == ("the estimate is marked as not to be trusted: RMS is absurd.",)
+    assert camcal.verify(untrusted, dataset).problems == ("the estimate is marked as not to be trusted: RMS is absurd. Look.",)
 
 
 def test_two_estimates_differ_by_both_their_sigmas(dataset, calibrated):

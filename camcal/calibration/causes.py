@@ -23,13 +23,14 @@ def solve_board(
     board: Board,
     *,
     distortion: tuple[str, ...] = DEFAULT_DISTORTION,
+    shape: tuple[str, ...] = (),
     rejected: Sequence[Rejected] = (),
 ) -> Calibration:
     """Do what `solve` does for a board; an unsolvable one is tried with the commonest mix-ups before it is given up.
 
     Parameters
     ----------
-    detections, distortion, rejected
+    detections, distortion, shape, rejected
         As `solve` takes them.
     board : Board
 
@@ -40,7 +41,7 @@ def solve_board(
         if most boards are seen from behind: mirrored corners fit perfectly, but to the wrong poses.
     """
     try:
-        calibration = solve(detections, board.object_points, distortion=distortion, rejected=rejected)
+        calibration = solve(detections, board.object_points, distortion=distortion, shape=shape, rejected=rejected)
     except SolveError as error:
         swapped = swapped_board(detections, board, distortion)
         if swapped is None:

@@ -1,22 +1,23 @@
-"""Detections to a calibration: the usable views, the lowest minimum, and the covariance there."""
+"""Detections to a calibration: the usable views, the lowest minimum, what does not belong, and the covariance there."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from camcal.calibration.advice import capture_advice, misfits, worst_view
-from camcal.calibration.finish import descend
+from camcal.calibration.board_shape import shape_basis
 from camcal.calibration.limits import LARGEST_CONDITION, LARGEST_RELATIVE_FOCAL_SIGMA
-from camcal.calibration.normal_equations import NormalEquations, Observations, State, residuals, view_rms
+from camcal.calibration.normal_equations import Covariances, NormalEquations, Observations, State, residuals, view_rms
 from camcal.calibration.parameters import DEFAULT_DISTORTION, free_names, places
+from camcal.calibration.robust import Fit, robust_minimum
 from camcal.calibration.search import lowest_minimum
 from camcal.calibration.views import FEWEST_VIEWS, too_few_views, usable_views
-from camcal.calibration.weights import total_sigma_px
 from camcal.errors import DetectionError, SolveError
-from camcal.geometry.arrays import FloatArray
-from camcal.observations import Calibration, Detection, Rejected
+from camcal.geometry.arrays import FloatArray, IntArray
+from camcal.observations import BoardShape, Calibration, Detection, Rejected
 from camcal.threads import single_threaded
 
 
@@ -25,9 +26,12 @@ def solve(
     object_points: FloatArray,
     *,
     distortion: tuple[str, ...] = DEFAULT_DISTORTION,
+    shape: tuple[str, ...] = (),
     rejected: Sequence[Rejected] = (),
 ) -> Calibration:
     """Solve for the camera, the pose of every view and their standard deviations.
+
+    Corners and views that do not belong are left out: see `Calibration.outliers` and `Calibration.rejected`.
 
     Parameters
     ----------
@@ -37,6 +41,8 @@ def solve(
         The board's features in metres, by id.
     distortion : tuple of str
         Names of the free distortion coefficients, as `parse_distortion` gives them.
+    shape : tuple of str
+        Parameters of the board's own shape to solve for, some of `board_shape.SHAPE_NAMES`.
     rejected : sequence of Rejected
         Images that gave no view; carried through, and joined by the views that cannot be used.
 
@@ -56,47 +62,49 @@ def solve(
     if len({d.size for d in detections}) > 1:
         raise ValueError(f"detections: views of one image size are needed (got {sorted({d.size for d in detections})})")
     used, poor = usable_views(detections, object_points)
-    everything_rejected = tuple(sorted([*rejected, *poor], key=lambda r: r.source))
     if len(used) < FEWEST_VIEWS:
-        raise DetectionError(too_few_views(len(used), everything_rejected))
+        raise DetectionError(too_few_views(len(used), _sorted([*rejected, *poor])))
     free = free_names(distortion)
     seen = Observations.gather(used, object_points)
     with single_threaded():
         state = lowest_minimum(used, object_points, seen, free)
-        state, seen = _weighted_minimum(state, seen, used, free)
-        covariance, pose_sigmas = _uncertainty(state, seen, used, free)
-    residual = residuals(state, seen)
+        columns = places(state.camera, free)
+        if shape:
+            seen = seen.shaped(used, shape_basis(object_points, shape))
+            columns = np.append(columns, state.shared.size + np.arange(len(shape)))
+            state = replace(state, shape=np.zeros(len(shape)))
+        fit = robust_minimum(state, seen, used, columns, free)
+        covariances = _covariances(fit, columns, free)
+    return _calibration(fit, covariances, free, shape, _sorted([*rejected, *poor, *fit.misfits]))
+
+
+def _sorted(rejected: Sequence[Rejected]) -> tuple[Rejected, ...]:
+    return tuple(sorted(rejected, key=lambda rejection: rejection.source))
+
+
+def _calibration(
+    fit: Fit, covariances: Covariances, free: tuple[str, ...], shape: tuple[str, ...], rejected: tuple[Rejected, ...]
+) -> Calibration:
+    """Put together what was solved for."""
+    first = len(free)
+    beside_shape = np.delete(np.arange(len(covariances.joint)), first + np.arange(len(shape)))
     return Calibration(
-        camera=state.camera,
+        camera=fit.state.camera,
         free=free,
-        covariance=covariance,
-        detections=used,
-        poses=state.poses,
-        pose_sigmas=pose_sigmas,
-        residuals_px=tuple(np.split(residual, seen.starts[1:])),
-        rejected=everything_rejected,
+        joint_covariance=covariances.joint[np.ix_(beside_shape, beside_shape)],
+        detections=fit.detections,
+        poses=fit.state.poses,
+        pose_sigmas=covariances.pose_sigmas,
+        residuals_px=tuple(np.split(residuals(fit.state, fit.seen), fit.seen.starts[1:])),
+        shape=BoardShape(shape, fit.state.shape, covariances.shared[first:, first:]),
+        outliers=fit.outliers,
+        rejected=rejected,
     )
 
 
-def _weighted_minimum(
-    state: State, seen: Observations, detections: Sequence[Detection], free: tuple[str, ...]
-) -> tuple[State, Observations]:
-    """Go on from the minimum of equal weights to that of the corners' own, where these are known."""
-    sigma_px = total_sigma_px(detections, residuals(state, seen), len(free) + 6 * seen.starts.size)
-    if sigma_px is None:
-        return state, seen
-    weighted = seen.weighted(sigma_px)
-    found = descend(state, weighted, places(state.camera, free))
-    if found.failure:
-        raise SolveError(f"solve: {found.failure}. {worst_view(view_rms(found.state, seen), detections, free)}")
-    return found.state, weighted
-
-
-def _uncertainty(
-    state: State, seen: Observations, used: Sequence[Detection], free: tuple[str, ...]
-) -> tuple[FloatArray, FloatArray]:
-    """Covariance of the free intrinsics and standard deviations of the poses; SolveError if they are undetermined."""
-    columns = places(state.camera, free)
+def _covariances(fit: Fit, columns: IntArray, free: tuple[str, ...]) -> Covariances:
+    """Covariances at the minimum; SolveError if the views do not determine the camera."""
+    state, seen = fit.state, fit.seen
     weighted = residuals(state, seen) * seen.weights[:, None]
     freedom = weighted.size - columns.size - 6 * seen.starts.size
     if freedom <= 0:
@@ -105,21 +113,23 @@ def _uncertainty(
             f"{columns.size + 6 * seen.starts.size} unknowns). Add views, or free fewer coefficients with --distortion."
         )
     variance = float((weighted**2).sum()) / freedom
+    condition, relative = float("inf"), np.array([np.inf])
     try:
-        covariance, pose_sigmas, condition = NormalEquations.build(state, seen, columns).covariances(variance)
+        found = NormalEquations.build(state, seen, columns).covariances(state, variance)
+        condition = found.condition
+        with np.errstate(invalid="ignore"):
+            relative = np.sqrt(np.diag(found.shared)[:2]) / np.diag(state.camera.K)[:2]
     except np.linalg.LinAlgError:
-        condition = float("inf")
+        pass
     rms_px = view_rms(state, seen)
-    advice = worst_view(rms_px, used, free) if misfits(rms_px) else capture_advice(free)
+    advice = worst_view(rms_px, fit.detections, free) if misfits(rms_px) else capture_advice(free)
     if not condition < LARGEST_CONDITION:
         raise SolveError(
             _degenerate(state, advice, f"condition number {condition:.1g}, expected below {LARGEST_CONDITION:.0g}")
         )
-    with np.errstate(invalid="ignore"):
-        relative = np.sqrt(np.diag(covariance)[:2]) / np.diag(state.camera.K)[:2]
     if not (relative < LARGEST_RELATIVE_FOCAL_SIGMA).all():
         raise SolveError(_degenerate(state, advice, f"fx and fy known to ±{100 * relative.max():.0f} %"))
-    return covariance, pose_sigmas
+    return found
 
 
 def _degenerate(state: State, advice: str, measure: str) -> str:

@@ -7,25 +7,23 @@ sharp corners all the say.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from camcal.geometry.arrays import FloatArray
-from camcal.observations import Detection
 
 _HALVINGS = 60
 _LEAST_SIGMA_PX, _LARGEST_SIGMA_PX = 1e-9, 1e9
 
 
-def total_sigma_px(detections: Sequence[Detection], residual_px: FloatArray, unknowns: int) -> FloatArray | None:
+def total_sigma_px(sigma_px: FloatArray, residual_px: FloatArray, unknowns: int) -> FloatArray | None:
     """Standard deviation of every corner, with the part that the residuals show all to have in common.
 
     Parameters
     ----------
-    detections : sequence of Detection
+    sigma_px : ndarray of shape (M,)
+        Each corner's own per axis, pixels; NaN where it is not known.
     residual_px : ndarray of shape (M, 2)
-        Seen minus projected corners of all of them, solved with equal weights, pixels.
+        Seen minus projected corners, pixels.
     unknowns : int
         Number of parameters that were solved for.
 
@@ -36,12 +34,9 @@ def total_sigma_px(detections: Sequence[Detection], residual_px: FloatArray, unk
         (or is 0 if the corners scatter less than they claim). A corner without a known sigma gets the median one. None if
         no corner's sigma is known.
     """
-    sigma = np.concatenate([detection.sigma_px for detection in detections])
-    known = np.isfinite(sigma) & (sigma > 0)
-    if not known.any():
+    variance = own_variance(sigma_px)
+    if variance is None:
         return None
-    # Kept within what can be squared; a corner that claims less than a billionth of a pixel is no better for it.
-    variance = np.clip(np.where(known, sigma, np.median(sigma[known])), _LEAST_SIGMA_PX, _LARGEST_SIGMA_PX) ** 2
     squares = (residual_px**2).sum(axis=1)
     freedom = max(1, residual_px.size - unknowns)
 
@@ -55,3 +50,14 @@ def total_sigma_px(detections: Sequence[Detection], residual_px: FloatArray, unk
             low, high = (middle, high) if scatter(middle) > freedom else (low, middle)
     total: FloatArray = np.sqrt(variance + low)
     return total
+
+
+def own_variance(sigma_px: FloatArray) -> FloatArray | None:
+    """Variance (M,) that each corner knows of, px²; the median one where it knows none; None if no corner does."""
+    known = np.isfinite(sigma_px) & (sigma_px > 0)
+    if not known.any():
+        return None
+    # Kept within what can be squared; a corner that claims less than a billionth of a pixel is no better for it.
+    sigma = np.where(known, sigma_px, np.median(sigma_px[known]))
+    variance: FloatArray = np.clip(sigma, _LEAST_SIGMA_PX, _LARGEST_SIGMA_PX) ** 2
+    return variance

@@ -19,6 +19,16 @@ _LONGEST_NAME = 1000
     "--distortion", default="k1,k2,k3", show_default=True, metavar="NAMES", help="Free coefficients; the others stay 0."
 )
 @options.refine
+@click.option("--warp", is_flag=True, help="Solve for the board's bow as well.")
+@click.option("--scale", is_flag=True, help="Solve for a stretch of the print along y as well.")
+@click.option("--require", type=click.Choice(["good", "usable", "poor"]), help="Exit with code 5 below this verdict.")
+@click.option("--max-rms", type=click.FloatRange(min=0), metavar="PX", help="Exit with code 5 above this RMS.")
+@click.option(
+    "--max-sigma-px",
+    type=click.FloatRange(min=0),
+    metavar="PX",
+    help="Exit with code 5 where the projection is known less well, at the boards' range.",
+)
 @click.option("--anamorphic", is_flag=True, help="Accept pixels that are far from square.")
 @click.option("--only-used", is_flag=True, help="With a corners.csv: keep its choice of corners.")
 @click.option("--undistort", is_flag=True, help="Write the undistorted images as well.")
@@ -34,6 +44,11 @@ def calibrate(
     output: str,
     distortion: str,
     refine: str,
+    warp: bool,
+    scale: bool,
+    require: str | None,
+    max_rms: float | None,
+    max_sigma_px: float | None,
     anamorphic: bool,
     only_used: bool,
     undistort: bool,
@@ -48,14 +63,23 @@ def calibrate(
     camera.yaml, views.yaml, corners.csv and board.yaml. Exit code 5 when the result is written but must not be trusted.
     """
     _check_name(name)
+    from camcal.trust.assess import Gates
     from camcal.workflows.calibrate import calibrate as run_calibration
 
+    unlimited = float("nan")
     run = run_calibration(
         images,
         board,
         output,
         distortion=distortion,
         refine=refine,
+        warp=warp,
+        scale=scale,
+        gates=Gates(
+            require or "",
+            unlimited if max_rms is None else max_rms,
+            unlimited if max_sigma_px is None else max_sigma_px,
+        ),
         anamorphic=anamorphic,
         only_used=only_used,
         undistort=undistort,
@@ -70,8 +94,8 @@ def calibrate(
         from camcal.cli.summary import print_calibration
 
         print_calibration(run, images, undistort)
-    if run.intrinsics.problems:
-        raise QualityError(f"{run.folder}: written, but must not be trusted: " + " ".join(run.intrinsics.problems))
+    if run.verdict.problems:
+        raise QualityError(f"{run.folder}: written, but must not be trusted: {run.verdict.problems[0]}")
 
 
 def _check_name(name: str) -> None:

@@ -4,22 +4,31 @@ from __future__ import annotations
 
 import math
 import shlex
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from camcal.cli.console import print_facts, print_table
+import click
+
+from camcal.cli.console import print_facts, print_table, say
 from camcal.cli.rounding import plus_minus
 
 if TYPE_CHECKING:
     from camcal.geometry.camera import Camera
-    from camcal.observations import Calibration, Intrinsics
+    from camcal.observations import BoardShape, Calibration, Intrinsics, Uncertainty
+    from camcal.verdict import Verdict
     from camcal.workflows.calibrate import CalibrationRun
 
 _FILES = "camera.yaml, views.yaml, corners.csv, board.yaml"
 _MOST_NAMED = 2
 _OUTSTANDING_RATIO = 2.0
 """A view this many times worse than the median one deserves a look."""
+_MOST_FINDINGS = 3
+_KNOWN_HEADER = ("", "centre", "edges", "corners", "< 0.1", "< 0.5", "< 1 px")
+_WIDTH = 80
+_LARGEST_HONEST_RATIO = 1.5
+_SHAPE_WORDS = {"bow_x": "bow along x", "bow_y": "bow along y", "stretch": "stretch along y"}
 _NOTICEABLE_PX = 0.05
 """Below this nothing is wrong with a view, however good the others are."""
 
@@ -40,6 +49,7 @@ def print_calibration(run: CalibrationRun, images: Sequence[str], undistorted: b
     width, height = known.camera.size
     view = f"field of view {_angle(horizontal)} x {_angle(vertical)}"
     _print_parameters(f"{known.name}: {width}x{height} pixels, {view}", known)
+    _print_known(run.assessment.uncertainty)
     rejected = len(calibration.rejected)
     print_facts(
         {
@@ -47,10 +57,24 @@ def print_calibration(run: CalibrationRun, images: Sequence[str], undistorted: b
             "views": f"{known.views} of {known.views + rejected} used" + (f", {rejected} rejected" if rejected else ""),
             "worst": _worst(calibration),
             "lens": _validity(known.camera),
+            "board": _shape(known.shape),
+            "check": _cross_check(known.cross_validation),
             "files": f"{run.folder}: {_FILES}" + (", undistorted/" if undistorted else ""),
             "next": "" if known.problems else _next(run.folder or Path(), images, undistorted),
         }
     )
+    print_verdict(run.verdict)
+
+
+def print_verdict(verdict: Verdict) -> None:
+    """Print the word, and the findings that decide it, each with what to do."""
+    say("\n" + click.style(f"verdict: {verdict.word}", bold=True))
+    shown = verdict.findings[:_MOST_FINDINGS]
+    for finding in shown:
+        say(textwrap.fill(str(finding), _WIDTH, initial_indent="- ", subsequent_indent="  ", break_on_hyphens=False))
+    more = len(verdict.findings) - len(shown)
+    if more:
+        say(f"  ({more} more {'finding' if more == 1 else 'findings'} in camera.yaml)")
 
 
 def _angle(degrees: float) -> str:
@@ -88,6 +112,40 @@ def _worst(calibration: Calibration) -> str:
     limit = max(_OUTSTANDING_RATIO * typical, _NOTICEABLE_PX)
     named = [f"{source} {rms:.2g} px" for rms, source in by_rms[:_MOST_NAMED] if rms > limit]
     return f"{', '.join(named)} (median {typical:.2g} px)" if named else ""
+
+
+def _shape(shape: BoardShape) -> str:
+    """Say how the board differs from a flat and true print, if that was solved for."""
+    parts = []
+    for name, value, sigma in zip(shape.names, shape.values.tolist(), shape.sigma.tolist(), strict=True):
+        factor, unit = (100, " %") if name == "stretch" else (1000, " mm")
+        (text,) = plus_minus([(factor * value, factor * sigma)])
+        parts.append(f"{_SHAPE_WORDS[name]} {text}{unit}")
+    return ", ".join(parts)
+
+
+def _print_known(known: Uncertainty) -> None:
+    """Print how well it is known where a point is seen, over the image."""
+    rows = []
+    for label, sigma in ((f"at the boards' {known.range_m:.3g} m", known.at_range), ("at infinity", known.at_infinity)):
+        places = ([sigma.centre_px], sigma.edges_px, sigma.corners_px)
+        shares = (f"{100 * share:.0f} %" for share in sigma.shares)
+        rows.append((label, *(_largest(values) for values in places), *shares))
+    print_table("Where a point is seen is known to (px, share of the image)", _KNOWN_HEADER, rows)
+
+
+def _largest(values: Sequence[float]) -> str:
+    """Write the largest of some standard deviations; those of places without a ray do not count."""
+    finite = [value for value in values if not math.isnan(value)]
+    return f"{max(finite):.2g}" if finite else "no ray"
+
+
+def _cross_check(ratio: float) -> str:
+    """Say what the comparison of halves of the views means."""
+    if math.isnan(ratio):
+        return ""
+    meaning = "honest" if ratio <= _LARGEST_HONEST_RATIO else "the uncertainty is too small by this factor"
+    return f"halves of the views differ by {ratio:.2g} x the prediction: {meaning}"
 
 
 def _validity(camera: Camera) -> str:

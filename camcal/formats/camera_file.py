@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +14,15 @@ from camcal.formats.text import file_in
 from camcal.formats.versions import CAMERA_FORMAT_VERSION
 from camcal.formats.yaml_dump import dump_yaml
 from camcal.geometry.arrays import FloatArray
-from camcal.observations import Intrinsics
+from camcal.observations import ImageSigma, Intrinsics, Uncertainty
 
 CAMERA_FILE_NAME = "camera.yaml"
 
 _RATIONAL_NAMES = ("k4", "k5", "k6")
 _HEADING = """\
-Pixels have whole-number centres: the centre of the top-left pixel is (0, 0). Coefficients stand in OpenCV's order."""
+Pixels have whole-number centres: the centre of the top-left pixel is (0, 0). Coefficients stand in OpenCV's order.
+uncertainty: 1 standard deviation of where a point is seen, px, at the middle of the image, of its edges (top, right, bottom,
+left) and at its corners (clockwise from the top left); shares of the image where it is below 0.1, 0.5 and 1 px."""
 
 
 def save_intrinsics(path: str | Path, intrinsics: Intrinsics) -> None:
@@ -87,11 +90,48 @@ def camera_yaml(intrinsics: Intrinsics) -> str:
             "views": int(intrinsics.views),
             "corners": int(intrinsics.corners),
             "valid_radius_px": camera.valid_radius_px,
-            "trusted": not intrinsics.problems,
-            "problems": list(intrinsics.problems),
+            **_judgement(intrinsics),
         },
     }
     return dump_yaml(content, _HEADING)
+
+
+def _judgement(intrinsics: Intrinsics) -> dict[str, Any]:
+    """Lay out how far the camera can be trusted; what nobody worked out is left out."""
+    content: dict[str, Any] = {}
+    shape = intrinsics.shape
+    if shape.names:
+        content["board_shape"] = {
+            "names": list(shape.names),
+            "values": shape.values.tolist(),
+            "standard_deviations": shape.sigma.tolist(),
+            "correlations": _correlations(shape.covariance).tolist(),
+        }
+    if intrinsics.uncertainty is not None:
+        content["uncertainty"] = uncertainty_values(intrinsics.uncertainty)
+        content["cross_validation"] = float(intrinsics.cross_validation)
+    if intrinsics.verdict is not None:
+        content["verdict"] = intrinsics.verdict.word
+        content["findings"] = [asdict(finding) for finding in intrinsics.verdict.findings]
+    return content
+
+
+def uncertainty_values(uncertainty: Uncertainty) -> dict[str, Any]:
+    """Lay out an uncertainty as plain values: numbers, lists and mappings."""
+
+    def over_image(sigma: ImageSigma) -> dict[str, Any]:
+        return {
+            "centre_px": sigma.centre_px,
+            "edges_px": list(sigma.edges_px),
+            "corners_px": list(sigma.corners_px),
+            "shares": list(sigma.shares),
+        }
+
+    return {
+        "range_m": uncertainty.range_m,
+        "at_range": over_image(uncertainty.at_range),
+        "at_infinity": over_image(uncertainty.at_infinity),
+    }
 
 
 def _matrix(values: FloatArray) -> dict[str, Any]:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import ConfigDict
 
-from camcal.formats.validation import AnyNumber, Count, Name, Number, Schema, Text, Whole, validate
+from camcal.formats.validation import AnyNumber, Count, Name, Number, Schema, Text, Whole, list_of, validate
 from camcal.formats.versions import CAMERA_FORMAT_VERSION
 from camcal.formats.yaml_io import Document, KeyPath, describe, load_yaml
 from camcal.geometry.arrays import FloatArray
 from camcal.geometry.camera import Camera
-from camcal.observations import Intrinsics
+from camcal.observations import BoardShape, ImageSigma, Intrinsics, Uncertainty
+from camcal.verdict import Finding, Verdict
 
 # Number of coefficients each lens model may have, in OpenCV's order.
 _LENSES = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,)}
@@ -32,6 +34,42 @@ class Matrix(Schema):
     data: list[Number]
 
 
+class ShapeEntry(Schema):
+    """How the real board differs from a flat and true print."""
+
+    names: list[Literal["bow_x", "bow_y", "stretch"]]
+    values: list[Number]
+    standard_deviations: list[Number]
+    correlations: list[list[AnyNumber]]
+
+
+class ImageSigmaEntry(Schema):
+    """Standard deviation of the projection over the image."""
+
+    centre_px: AnyNumber
+    edges_px: Annotated[list[AnyNumber], list_of(4)]
+    corners_px: Annotated[list[AnyNumber], list_of(4)]
+    shares: Annotated[list[Number], list_of(3)]
+
+
+class UncertaintyEntry(Schema):
+    """The same at the boards' range and at infinity."""
+
+    range_m: Number
+    at_range: ImageSigmaEntry
+    at_infinity: ImageSigmaEntry
+
+
+class FindingEntry(Schema):
+    """One finding."""
+
+    code: Name
+    level: Literal["rejected", "poor", "usable", "note"]
+    weight: Number
+    text: Text
+    advice: Text
+
+
 class Knowledge(Schema):
     """The `camcal` mapping: what only camcal writes."""
 
@@ -45,8 +83,11 @@ class Knowledge(Schema):
     views: Count
     corners: Count
     valid_radius_px: AnyNumber
-    trusted: bool
-    problems: list[Text]
+    board_shape: ShapeEntry | None = None
+    uncertainty: UncertaintyEntry | None = None
+    cross_validation: AnyNumber = float("nan")
+    verdict: Literal["rejected", "poor", "usable", "good"] | None = None
+    findings: tuple[FindingEntry, ...] = ()
 
 
 class CameraInfo(Schema):
@@ -96,18 +137,20 @@ def read_intrinsics(path: str | Path) -> Intrinsics:
         got = ", ".join(free)
         problem = f"not names of intrinsics in their order (got {got}, expected some of {expected})"
         raise document.error(("camcal", "free"), problem)
-    if known.trusted == bool(known.problems):
-        raise document.error(("camcal", "trusted"), "contradicts problems (expected true if and only if there are none)")
+    _check_free(document, known)
     return Intrinsics(
         camera=camera,
         name=file.camera_name,
         board=known.board,
         free=free,
-        covariance=_covariance(document, known),
+        covariance=_covariance(document, ("camcal",), known.free, list(known.standard_deviations.values()), known.correlations),
         rms_px=known.rms_px,
         views=known.views,
         corners=known.corners,
-        problems=tuple(known.problems),
+        shape=_shape(document, known.board_shape),
+        uncertainty=_uncertainty(known.uncertainty),
+        cross_validation=known.cross_validation,
+        verdict=_verdict(document, known),
     )
 
 
@@ -175,22 +218,65 @@ def _values(document: Document, key: str, matrix: Matrix, shape: tuple[int, int]
     return np.array(matrix.data).reshape(shape)
 
 
-def _covariance(document: Document, known: Knowledge) -> FloatArray:
-    """Rebuild the covariance: sigma_i sigma_j rho_ij."""
+def _covariance(
+    document: Document, path: KeyPath, names: Sequence[str], sigmas: Sequence[float], correlations: Sequence[Sequence[float]]
+) -> FloatArray:
+    """Rebuild a covariance: sigma_i sigma_j rho_ij."""
+    for name, value in zip(names, sigmas, strict=True):
+        if value < 0:
+            problem = f"{name} is out of range (got {value}, expected at least 0)"
+            raise document.error((*path, "standard_deviations"), problem)
+    count = len(names)
+    where: KeyPath = (*path, "correlations")
+    if len(correlations) != count or any(len(row) != count for row in correlations):
+        raise document.error(where, f"wrong shape (expected {count}x{count}, a row and a column for each parameter)")
+    rho = np.array(correlations).reshape(count, count)
+    off = np.abs(rho - rho.T) > _SYMMETRY_TOLERANCE
+    if off.any() or (np.abs(rho) > 1 + _SYMMETRY_TOLERANCE).any() or (np.abs(np.diag(rho) - 1) > _SYMMETRY_TOLERANCE).any():
+        raise document.error(where, "not correlations (expected a symmetric matrix within [-1, 1] and 1 on its diagonal)")
+    covariance: FloatArray = np.outer(sigmas, sigmas) * rho
+    return covariance
+
+
+def _check_free(document: Document, known: Knowledge) -> None:
+    """Refuse standard deviations of other parameters than the free ones."""
     if list(known.standard_deviations) != known.free:
         problem = f"not the free intrinsics (got {', '.join(known.standard_deviations)}, expected {', '.join(known.free)})"
         raise document.error(("camcal", "standard_deviations"), problem)
-    for name, value in known.standard_deviations.items():
-        if value < 0:
-            raise document.error(("camcal", "standard_deviations", name), f"out of range (got {value}, expected at least 0)")
-    count = len(known.free)
-    path: KeyPath = ("camcal", "correlations")
-    if len(known.correlations) != count or any(len(row) != count for row in known.correlations):
-        raise document.error(path, f"wrong shape (expected {count}x{count}, a row and a column for each free intrinsic)")
-    rho = np.array(known.correlations).reshape(count, count)
-    off = np.abs(rho - rho.T) > _SYMMETRY_TOLERANCE
-    if off.any() or (np.abs(rho) > 1 + _SYMMETRY_TOLERANCE).any() or (np.abs(np.diag(rho) - 1) > _SYMMETRY_TOLERANCE).any():
-        raise document.error(path, "not correlations (expected a symmetric matrix within [-1, 1] and 1 on its diagonal)")
-    sigma = np.array([known.standard_deviations[name] for name in known.free])
-    covariance: FloatArray = np.outer(sigma, sigma) * rho
-    return covariance
+
+
+def _shape(document: Document, entry: ShapeEntry | None) -> BoardShape:
+    """Read the board's shape; nothing is known of it where there is none."""
+    if entry is None:
+        return BoardShape()
+    path: KeyPath = ("camcal", "board_shape")
+    for key, values in (("values", entry.values), ("standard_deviations", entry.standard_deviations)):
+        if len(values) != len(entry.names):
+            raise document.error((*path, key), f"wrong number of values (got {len(values)}, expected {len(entry.names)})")
+    covariance = _covariance(document, path, entry.names, entry.standard_deviations, entry.correlations)
+    return BoardShape(tuple(entry.names), np.array(entry.values), covariance)
+
+
+def _uncertainty(entry: UncertaintyEntry | None) -> Uncertainty | None:
+    """Read the uncertainty of the projection; None where there is none."""
+    if entry is None:
+        return None
+
+    def over_image(values: ImageSigmaEntry) -> ImageSigma:
+        top, right, bottom, left = values.edges_px
+        first, second, third, fourth = values.corners_px
+        tenth, half, whole = values.shares
+        return ImageSigma(values.centre_px, (top, right, bottom, left), (first, second, third, fourth), (tenth, half, whole))
+
+    return Uncertainty(entry.range_m, over_image(entry.at_range), over_image(entry.at_infinity))
+
+
+def _verdict(document: Document, known: Knowledge) -> Verdict | None:
+    """Read the verdict; its word must be the one that its findings make."""
+    if known.verdict is None:
+        return None
+    verdict = Verdict(tuple(Finding(f.code, f.level, f.weight, f.text, f.advice) for f in known.findings))
+    if verdict.word != known.verdict:
+        problem = f"contradicts its findings (got '{known.verdict}', expected '{verdict.word}')"
+        raise document.error(("camcal", "verdict"), problem)
+    return verdict

@@ -161,17 +161,26 @@ def rotate_with_jacobian(rvec: npt.ArrayLike, points: npt.ArrayLike) -> tuple[Fl
     rotated : ndarray of shape (..., N, 3)
         R(rvec) X.
     jacobian : ndarray of shape (..., N, 3, 3)
-        d(R X) / d rvec = -[R X]x Jl, Jl the left Jacobian of SO(3) (Sola et al. 2018, "A micro Lie theory", eq. 145).
+        d(R X) / d rvec = -[R X]x Jl, Jl the left Jacobian of SO(3).
     """
     v = np.asarray(rvec, dtype=np.float64)
     X = np.asarray(points, dtype=np.float64)
     R = rotation_from_rvec(v)
     rotated: FloatArray = X @ np.swapaxes(R, -1, -2)
+    jacobian: FloatArray = -cross_matrix(rotated) @ left_jacobian(v)[..., None, :, :]
+    return rotated, jacobian
+
+
+def left_jacobian(rvec: npt.ArrayLike) -> FloatArray:
+    """Left Jacobians of SO(3), shape (..., 3, 3), of rotation vectors (..., 3): R(v + dv) = R(Jl dv) R(v) to first order.
+
+    Sola et al. 2018, "A micro Lie theory", eq. 145.
+    """
+    v = np.asarray(rvec, dtype=np.float64)
     theta = np.linalg.norm(v, axis=-1)[..., None, None]
     V = cross_matrix(v)
-    left = np.eye(3) + 0.5 * _sinc(theta / 2) ** 2 * V + _cubic_remainder(theta) * (V @ V)
-    jacobian: FloatArray = -cross_matrix(rotated) @ left[..., None, :, :]
-    return rotated, jacobian
+    left: FloatArray = np.eye(3) + 0.5 * _sinc(theta / 2) ** 2 * V + _cubic_remainder(theta) * (V @ V)
+    return left
 
 
 def cross_matrix(v: npt.ArrayLike) -> FloatArray:

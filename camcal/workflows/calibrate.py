@@ -3,23 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from camcal.boards.base import Board
+from camcal.calibration.board_shape import BOW, STRETCH
 from camcal.calibration.causes import quarter_turn, solve_board
-from camcal.calibration.gates import capture_warnings, quality_problems
 from camcal.calibration.parameters import parse_distortion
 from camcal.errors import InputError
 from camcal.formats.board_file import load_board, save_board
-from camcal.formats.camera_file import save_intrinsics
+from camcal.formats.camera_file import save_intrinsics, uncertainty_values
 from camcal.formats.corners_file import save_corners
 from camcal.formats.images import ImageFile
 from camcal.formats.output import claim_folder
 from camcal.formats.views_file import save_views
-from camcal.observations import Calibration, Intrinsics, Rejected, ViewRecord
+from camcal.geometry.arrays import BoolArray, FloatArray
+from camcal.observations import Calibration, Detection, Intrinsics, Outlier, Rejected, ViewRecord
+from camcal.trust.assess import NO_GATES, Assessment, Gates, assess
+from camcal.trust.gates import gate_findings
+from camcal.verdict import Verdict
 from camcal.workflows.inputs import Inputs, as_paths, images_to_work_on, warn_of_each
-from camcal.workflows.observe import REFINEMENTS, Refined, observe, observe_again, of_one_size, replay, tell_refused
+from camcal.workflows.observe import (
+    REFINEMENTS,
+    Refined,
+    observe,
+    observe_again,
+    of_one_size,
+    replay,
+    tell_left_out,
+    tell_refused,
+)
 from camcal.workflows.reporting import LogReporter, Reporter
 from camcal.workflows.undistort import undistort_found
 
@@ -33,8 +48,10 @@ class CalibrationRun:
     Attributes
     ----------
     calibration : Calibration
+    assessment : Assessment
+        How far it can be trusted.
     intrinsics : Intrinsics
-        What camera.yaml holds; its `problems` say why the result must not be trusted, if so.
+        What camera.yaml holds.
     board : Board
     folder : Path or None
         Where the files were written.
@@ -43,14 +60,20 @@ class CalibrationRun:
     """
 
     calibration: Calibration
+    assessment: Assessment
     intrinsics: Intrinsics
     board: Board
     folder: Path | None
     refused: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
+    @property
+    def verdict(self) -> Verdict:
+        """How far the result can be trusted, and why."""
+        return self.assessment.verdict
+
     def as_dict(self) -> dict[str, object]:
         """Return the result as plain values, for JSON."""
-        known = self.intrinsics
+        known, calibration = self.intrinsics, self.calibration
         values = dict(zip(known.camera.intrinsic_names, known.camera.intrinsics.tolist(), strict=True))
         return {
             "size": list(known.camera.size),
@@ -59,10 +82,15 @@ class CalibrationRun:
             "rms_px": known.rms_px,
             "views": known.views,
             "corners": known.corners,
-            "rejected": {rejection.source: rejection.reason for rejection in self.calibration.rejected},
-            "notes": {d.source: list(d.notes) for d in self.calibration.detections if d.notes},
-            "trusted": not known.problems,
-            "problems": list(known.problems),
+            "verdict": self.verdict.word,
+            "findings": [asdict(finding) for finding in self.verdict.findings],
+            "uncertainty": uncertainty_values(self.assessment.uncertainty),
+            "cross_validation": known.cross_validation,
+            "board_shape": dict(zip(known.shape.names, known.shape.values.tolist(), strict=True)),
+            "board_shape_standard_deviations": dict(zip(known.shape.names, known.shape.sigma.tolist(), strict=True)),
+            "outliers": [{"image": o.source, "id": o.id, "reason": o.reason} for o in calibration.outliers],
+            "rejected": {rejection.source: rejection.reason for rejection in calibration.rejected},
+            "notes": {d.source: list(d.notes) for d in calibration.detections if d.notes},
             "folder": None if self.folder is None else str(self.folder),
         }
 
@@ -74,6 +102,9 @@ def calibrate(
     *,
     distortion: str = "k1,k2,k3",
     refine: str = "warped",
+    warp: bool = False,
+    scale: bool = False,
+    gates: Gates = NO_GATES,
     anamorphic: bool = False,
     only_used: bool = False,
     undistort: bool = False,
@@ -97,6 +128,12 @@ def calibrate(
     refine : str
         How corners are refined: `warped` (a blurred saddle is fitted to each; after a first solve, the template that the
         calibration itself predicts), `saddle` (the first of the two) or `opencv` (cv2.cornerSubPix).
+    warp : bool
+        Whether the board's bow is solved for as well: two parameters, one along each of its axes.
+    scale : bool
+        Whether a stretch of the board's y axis against its x axis is solved for as well.
+    gates : Gates
+        What the result must reach, beyond not being rejected.
     anamorphic : bool
         Whether pixels far from square are expected.
     only_used : bool
@@ -114,7 +151,7 @@ def calibrate(
     Returns
     -------
     CalibrationRun
-        Look at `intrinsics.problems` before using it: the files are written and marked even if a gate fails.
+        Look at its `verdict` before using it: the files are written and marked even if it is `rejected`.
 
     Raises
     ------
@@ -137,17 +174,20 @@ def calibrate(
         raise InputError(f"--refine: unknown (got {refine!r}, expected one of {', '.join(REFINEMENTS)}).")
     found = () if replay_file else images_to_work_on(images, reporter)
     folder = None if output is None else claim_folder(output, force=force)
-    task = _Task(target, free, refine, anamorphic, jobs, reporter)
+    shape = (BOW if warp else ()) + (STRETCH if scale else ())
+    task = _Task(target, free, shape, refine, anamorphic, jobs, reporter)
     if replay_file:
         calibration = task.solve([Refined(seen) for seen in replay(replay_file, target, only_used=only_used)], [])
         refused: dict[str, tuple[str, ...]] = {}
     else:
         calibration, refused = task.solve_images(found)
-    for warning in (quarter_turn(calibration, target), *capture_warnings(calibration)):
-        if warning:
-            reporter.warn(warning)
-    problems = quality_problems(calibration, target, anamorphic=anamorphic)
-    run = CalibrationRun(calibration, _intrinsics(calibration, target, name, problems), target, folder, refused)
+    note = quarter_turn(calibration, target)
+    if note:
+        reporter.warn(note)
+    tell_left_out(calibration, reporter)
+    assessment = assess(calibration, target, anamorphic=anamorphic, gates=gates)
+    known = _intrinsics(calibration, assessment, target, name)
+    run = CalibrationRun(calibration, assessment, known, target, folder, refused)
     if folder is not None:
         _write(run, folder)
         if undistort:
@@ -162,6 +202,7 @@ class _Task:
 
     board: Board
     distortion: tuple[str, ...]
+    shape: tuple[str, ...]
     refine: str
     anamorphic: bool
     jobs: int | None
@@ -173,21 +214,26 @@ class _Task:
         every = sorted([*rejected, *other_sizes], key=lambda rejection: rejection.source)
         warn_of_each(((rejection.source, f"rejected: {rejection.reason}") for rejection in every), self.reporter)
         warn_of_each(((seen.source, note) for seen in detections for note in seen.notes), self.reporter)
-        return solve_board(detections, self.board, distortion=self.distortion, rejected=every)
+        return self._solve_board(detections, every)
 
     def solve_images(self, found: Sequence[ImageFile]) -> tuple[Calibration, dict[str, tuple[str, ...]]]:
         """Find and refine the corners of images, and solve; by view, the corners that were refused come along."""
         views, rejected = observe(found, self.board, self.refine, self.jobs, self.reporter)
         calibration = self.solve(views, rejected)
-        refused = {view.detection.source: view.refused for view in views}
         # A calibration that is not to be trusted predicts no edges either.
-        if self.refine == "warped" and not quality_problems(calibration, self.board, anamorphic=self.anamorphic):
-            again = observe_again(calibration, found, self.board, self.jobs, self.reporter)
-            refused |= {view.detection.source: (*refused[view.detection.source], *view.refused) for view in again}
-            warped = [view.detection for view in again]
-            calibration = solve_board(warped, self.board, distortion=self.distortion, rejected=calibration.rejected)
+        if self.refine == "warped" and not gate_findings(calibration, self.board, anamorphic=self.anamorphic):
+            size = calibration.camera.size
+            same_size = [view for view in views if view.detection.size == size]
+            views = observe_again(calibration, same_size, found, self.board, jobs=self.jobs, reporter=self.reporter)
+            tried = {view.detection.source for view in same_size}
+            passed_over = [rejection for rejection in calibration.rejected if rejection.source not in tried]
+            calibration = self._solve_board([view.detection for view in views], passed_over)
+        refused = {view.detection.source: view.refused for view in views}
         tell_refused(refused, self.reporter)
         return calibration, refused
+
+    def _solve_board(self, detections: Sequence[Detection], rejected: Sequence[Rejected]) -> Calibration:
+        return solve_board(detections, self.board, distortion=self.distortion, shape=self.shape, rejected=rejected)
 
 
 def _corners_file(images: Sequence[str | Path]) -> Path | None:
@@ -200,7 +246,7 @@ def _corners_file(images: Sequence[str | Path]) -> Path | None:
     return named[0] if named else None
 
 
-def _intrinsics(calibration: Calibration, board: Board, name: str, problems: tuple[str, ...]) -> Intrinsics:
+def _intrinsics(calibration: Calibration, assessment: Assessment, board: Board, name: str) -> Intrinsics:
     """Return what camera.yaml is to hold."""
     return Intrinsics(
         camera=calibration.camera,
@@ -211,25 +257,66 @@ def _intrinsics(calibration: Calibration, board: Board, name: str, problems: tup
         rms_px=calibration.rms_px,
         views=len(calibration.detections),
         corners=calibration.corner_count,
-        problems=problems,
+        shape=calibration.shape,
+        uncertainty=assessment.uncertainty,
+        cross_validation=assessment.cross_validation,
+        verdict=assessment.verdict,
     )
 
 
 def view_records(run: CalibrationRun) -> tuple[ViewRecord, ...]:
     """Return every view, used or rejected, sorted by source."""
     calibration = run.calibration
+    left_out: dict[str, tuple[str, ...]] = {}
+    for outlier in calibration.outliers:
+        clause = f"corner {outlier.id}: left out, {outlier.reason}"
+        left_out[outlier.source] = (*left_out.get(outlier.source, ()), clause)
     used = [
         ViewRecord(
             detection.source,
             T_cam_board=pose,
             rms_px=rms,
             corners=len(detection),
-            notes=(*detection.notes, *run.refused.get(detection.source, ())),
+            notes=(*detection.notes, *run.refused.get(detection.source, ()), *left_out.get(detection.source, ())),
         )
         for detection, pose, rms in zip(calibration.detections, calibration.poses, calibration.view_rms_px, strict=True)
     ]
     rejected = [ViewRecord(rejection.source, reason=rejection.reason) for rejection in calibration.rejected]
     return tuple(sorted(used + rejected, key=lambda record: record.source))
+
+
+def candidates(
+    calibration: Calibration,
+) -> tuple[tuple[Detection, ...], tuple[FloatArray, ...], tuple[BoolArray, ...]]:
+    """Put the corners that were left out back among the others.
+
+    Returns
+    -------
+    detections : tuple of Detection
+        Every view with all its corners, sorted by source; also the views that did not fit.
+    residuals_px : tuple of ndarray of shape (N, 2)
+    used : tuple of ndarray of shape (N,)
+        Which of the corners were solved with.
+    """
+    size = calibration.camera.size
+    nothing = Detection("", size, np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros(0))
+    used = {seen.source: (seen, off) for seen, off in zip(calibration.detections, calibration.residuals_px, strict=True)}
+    outliers: dict[str, list[Outlier]] = {}
+    for outlier in calibration.outliers:
+        outliers.setdefault(outlier.source, []).append(outlier)
+    merged = []
+    for source in sorted(used.keys() | outliers.keys()):
+        seen, off = used.get(source, (nothing, np.zeros((0, 2))))
+        others = outliers.get(source, [])
+        ids = np.append(seen.ids, [other.id for other in others]).astype(np.int64)
+        order = np.argsort(ids)
+        corners = np.concatenate([seen.corners_px, np.reshape([other.corner_px for other in others], (-1, 2))])
+        residuals = np.concatenate([off, np.reshape([other.residual_px for other in others], (-1, 2))])
+        sigma = np.append(seen.sigma_px, [other.sigma_px for other in others])
+        every = Detection(source, size, ids[order], corners[order], sigma[order])
+        merged.append((every, residuals[order], (np.arange(ids.size) < len(seen))[order]))
+    detections, residuals_px, chosen = zip(*merged, strict=True)
+    return detections, residuals_px, chosen
 
 
 def _unnamed(found: Sequence[ImageFile]) -> tuple[ImageFile, ...]:
@@ -242,6 +329,6 @@ def _write(run: CalibrationRun, folder: Path) -> None:
     calibration = run.calibration
     (folder / "camera.yaml").unlink(missing_ok=True)
     save_board(folder / "board.yaml", run.board)
-    save_corners(folder / "corners.csv", calibration.detections, calibration.residuals_px)
+    save_corners(folder / "corners.csv", *candidates(calibration))
     save_views(folder / "views.yaml", view_records(run))
     save_intrinsics(folder / "camera.yaml", run.intrinsics)

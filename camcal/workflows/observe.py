@@ -14,7 +14,6 @@ from camcal.detection.detect import detect_board
 from camcal.errors import InputError
 from camcal.formats.corners_file import load_corners
 from camcal.formats.images import ImageFile, read_gray
-from camcal.geometry.pose import Pose
 from camcal.observations import Calibration, Detection, Rejected
 from camcal.refinement.saddle import refine_saddle
 from camcal.refinement.verdicts import Refinement
@@ -71,21 +70,32 @@ def observe(
 
 
 def observe_again(
-    first: Calibration, found: Sequence[ImageFile], board: Board, jobs: int | None, reporter: Reporter
+    first: Calibration,
+    views: Sequence[Refined],
+    found: Sequence[ImageFile],
+    board: Board,
+    *,
+    jobs: int | None,
+    reporter: Reporter,
 ) -> list[Refined]:
     """Refine the corners of every view with the edges that a first calibration predicts.
 
-    The images are read once more, so that memory does not grow with their number.
+    Every corner is a candidate again, also one that did not fit the first calibration; a view that has no pose in it stays
+    as it is. The images are read once more, so that memory does not grow with their number.
     """
     paths = {image.name: image.path for image in found}
+    poses = {seen.source: pose for seen, pose in zip(first.detections, first.poses, strict=True)}
 
-    def work(view: tuple[Detection, Pose]) -> Refined:
-        detection, pose = view
+    def work(view: Refined) -> Refined:
+        detection = view.detection
+        if detection.source not in poses:
+            return view
         gray = read_gray(paths[detection.source])
+        pose = poses[detection.source]
         fit = refine_warped(gray, detection.ids, detection.corners_px, board, camera=first.camera, T_cam_board=pose)
-        return _applied(fit, detection)
+        again = _applied(fit, detection)
+        return replace(again, refused=(*view.refused, *again.refused))
 
-    views = list(zip(first.detections, first.poses, strict=True))
     with reporter.progress("Refining", len(views)) as advance:
         return each(work, views, jobs, advance)
 
@@ -129,6 +139,16 @@ def tell_refused(refused: Mapping[str, Sequence[str]], reporter: Reporter) -> No
     if first is not None:
         count = sum(len(clauses) for clauses in refused.values())
         reporter.warn(f"{count} corners refused in all, each named in views.yaml (first: {first[0]}: {first[1]})")
+
+
+def tell_left_out(calibration: Calibration, reporter: Reporter) -> None:
+    """Say in one line how many corners do not fit the others; views.yaml names each."""
+    if calibration.outliers:
+        first, count = calibration.outliers[0], len(calibration.outliers)
+        reporter.warn(
+            f"{count} {'corner' if count == 1 else 'corners'} left out, each named in views.yaml "
+            f"(first: {first.source}: corner {first.id}: {first.reason})"
+        )
 
 
 def _applied(fit: Refinement, detection: Detection) -> Refined:

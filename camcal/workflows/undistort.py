@@ -122,7 +122,7 @@ def undistort_found(
     warn_of_each(((rejection.source, f"passed over: {rejection.reason}") for rejection in rejected), reporter)
     if len(rejected) == len(found):
         raise InputError(f"undistort: no usable image (first: {rejected[0].source}: {rejected[0].reason})")
-    save_intrinsics(folder / "camera.yaml", Intrinsics(target, name=intrinsics.name, problems=intrinsics.problems))
+    save_intrinsics(folder / "camera.yaml", Intrinsics(target, name=intrinsics.name, verdict=intrinsics.verdict))
     done = tuple(image.name for image, outcome in zip(found, outcomes, strict=True) if outcome is None)
     return Undistortion(folder, target, done, rejected)
 

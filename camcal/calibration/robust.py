@@ -1,0 +1,173 @@
+"""From the lowest minimum of all corners to that of the corners that belong, each with its own weight."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from camcal.calibration.advice import worst_view
+from camcal.calibration.finish import descend
+from camcal.calibration.normal_equations import Observations, State, residuals, view_rms
+from camcal.calibration.outliers import belonging, distances_in_sigmas, worst_misfit
+from camcal.calibration.views import FEWEST_VIEWS
+from camcal.calibration.weights import total_sigma_px
+from camcal.errors import SolveError
+from camcal.geometry.arrays import BoolArray, FloatArray, IntArray
+from camcal.observations import Detection, Outlier, Rejected
+
+_MOST_ROUNDS = 12
+# With more views out than this it is not they that are wrong.
+_LARGEST_SHARE_OF_VIEWS = 0.25
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """A minimum, and the corners it rests on.
+
+    Attributes
+    ----------
+    state : State
+    seen : Observations
+        The corners that were kept, with their weights.
+    detections : tuple of Detection
+        The same corners, view by view.
+    outliers : tuple of Outlier
+        Corners that were left out, also those of views that were left out as a whole.
+    misfits : tuple of Rejected
+        Views that were left out as a whole.
+    """
+
+    state: State
+    seen: Observations
+    detections: tuple[Detection, ...]
+    outliers: tuple[Outlier, ...] = ()
+    misfits: tuple[Rejected, ...] = ()
+
+
+def robust_minimum(
+    state: State, seen: Observations, detections: Sequence[Detection], columns: IntArray, free: tuple[str, ...]
+) -> Fit:
+    """Leave out what does not belong, and weigh the rest.
+
+    Parameters
+    ----------
+    state : State
+        A minimum with all corners, weighing the same.
+    seen : Observations
+        All corners.
+    detections : sequence of Detection
+        The same, view by view.
+    columns : ndarray of shape (F,)
+        Places of the free parameters in `State.shared`.
+    free : tuple of str
+        Names of the free intrinsics, for advice.
+
+    Raises
+    ------
+    SolveError
+        If a descent fails; it names the view that fits worst.
+    """
+    start = _Round(state, seen, tuple(detections), np.ones(seen.view.size, dtype=bool))
+    fit = _without_outliers(start, columns, free, drop_views=True)
+    if len(fit.misfits) > _LARGEST_SHARE_OF_VIEWS * len(detections):
+        return _without_outliers(start, columns, free, drop_views=False)
+    return fit
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Round:
+    """The views that are still in, all their corners, and which of these are kept."""
+
+    state: State
+    seen: Observations
+    detections: tuple[Detection, ...]
+    kept: BoolArray
+
+    @property
+    def sigma_px(self) -> FloatArray:
+        """Standard deviation (M,) of every corner; NaN where it is not known."""
+        return np.concatenate([detection.sigma_px for detection in self.detections])
+
+    def solved(self, columns: IntArray, free: tuple[str, ...]) -> tuple[_Round, Observations]:
+        """Descend to the minimum of the kept corners, each with its own weight where these are known."""
+        kept = self.seen.only(self.kept)
+        unknowns = columns.size + 6 * kept.starts.size
+        total = total_sigma_px(self.sigma_px[self.kept], residuals(self.state, kept), unknowns)
+        weighted = kept if total is None else kept.weighted(total)
+        found = descend(self.state, weighted, columns)
+        if found.failure:
+            raise SolveError(f"solve: {found.failure}. {worst_view(view_rms(found.state, kept), self.detections, free)}")
+        return replace(self, state=found.state), weighted
+
+    def without(self, view: int) -> _Round:
+        """Return the round without one view."""
+        stay = self.seen.view != view
+        views = np.delete(np.arange(len(self.detections)), view)
+        detections = tuple(self.detections[index] for index in views)
+        return _Round(self.state.of_views(views), self.seen.only(stay), detections, self.kept[stay])
+
+
+def _without_outliers(start: _Round, columns: IntArray, free: tuple[str, ...], *, drop_views: bool) -> Fit:
+    """Solve, choose the corners that belong, and solve again until the choice stands."""
+    current, misfits = start, []
+    outliers: list[Outlier] = []
+    for _ in range(_MOST_ROUNDS + len(start.detections)):
+        current, weighted = current.solved(columns, free)
+        known = current.state, current.seen, current.sigma_px, current.kept
+        worst = worst_misfit(*known) if drop_views and len(current.detections) > FEWEST_VIEWS else None
+        if worst is not None:
+            misfits.append(_misfit(current, worst))
+            outliers.extend(_outliers(current, current.seen.view == worst))
+            current = current.without(worst)
+            continue
+        chosen = belonging(*known)
+        if (chosen == current.kept).all():
+            break
+        current = replace(current, kept=chosen)
+    detections = [seen.take(keep) for seen, keep in zip(current.detections, _by_view(current.kept, current), strict=True)]
+    return Fit(current.state, weighted, tuple(detections), (*outliers, *_outliers(current, ~current.kept)), tuple(misfits))
+
+
+def _by_view(values: NDArray[Any], current: _Round) -> list[NDArray[Any]]:
+    """Split values of all corners (M, ...) by view."""
+    return np.split(values, current.seen.starts[1:])
+
+
+def _misfit(current: _Round, view: int) -> Rejected:
+    """Say how much worse than the others a view fits."""
+    rms = view_rms(current.state, replace(current.seen, weights=np.ones(current.seen.view.size)))
+    others = float(np.median(np.delete(rms, view)))
+    return Rejected(
+        current.detections[view].source,
+        f"does not fit the other views (RMS {rms[view]:.3g} px, {others:.3g} px in the median view): look at its corners",
+    )
+
+
+def _outliers(current: _Round, left_out: BoolArray) -> tuple[Outlier, ...]:
+    """Name the corners (M,) that are left out."""
+    off = residuals(current.state, current.seen)
+    sigmas = distances_in_sigmas(current.state, current.seen, current.sigma_px, current.kept)
+    by_view = (_by_view(values, current) for values in (left_out, off, sigmas))
+    return tuple(
+        _outlier(detection, row, vectors[row], far[row])
+        for detection, gone, vectors, far in zip(current.detections, *by_view, strict=True)
+        for row in np.flatnonzero(gone).tolist()
+    )
+
+
+def _outlier(detection: Detection, row: int, residual_px: FloatArray, sigmas: float) -> Outlier:
+    """Name one corner that is left out, and how far it is from its place."""
+    x, y = detection.corners_px[row].tolist()
+    off_x, off_y = residual_px.tolist()
+    return Outlier(
+        source=detection.source,
+        id=int(detection.ids[row]),
+        corner_px=(x, y),
+        sigma_px=float(detection.sigma_px[row]),
+        residual_px=(off_x, off_y),
+        reason=f"{np.hypot(off_x, off_y):.2g} px from where the other corners put it ({sigmas:.2g} standard deviations)",
+    )
