@@ -113,21 +113,22 @@ class _Round:
 
 def _without_outliers(start: _Round, columns: IntArray, free: tuple[str, ...], *, drop_views: bool) -> Fit:
     """Solve, choose the corners that belong, and solve again until the choice stands."""
-    current, misfits = start, []
+    current, weighted = start.solved(columns, free)
+    misfits: list[Rejected] = []
     outliers: list[Outlier] = []
     for _ in range(_MOST_ROUNDS + len(start.detections)):
-        current, weighted = current.solved(columns, free)
         known = current.state, current.seen, current.sigma_px, current.kept
         worst = worst_misfit(*known) if drop_views and len(current.detections) > FEWEST_VIEWS else None
         if worst is not None:
             misfits.append(_misfit(current, worst))
             outliers.extend(_outliers(current, current.seen.view == worst))
             current = current.without(worst)
-            continue
-        chosen = belonging(*known)
-        if (chosen == current.kept).all():
-            break
-        current = replace(current, kept=chosen)
+        else:
+            chosen = belonging(*known)
+            if (chosen == current.kept).all():
+                break
+            current = replace(current, kept=chosen)
+        current, weighted = current.solved(columns, free)
     detections = [seen.take(keep) for seen, keep in zip(current.detections, _by_view(current.kept, current), strict=True)]
     return Fit(current.state, weighted, tuple(detections), (*outliers, *_outliers(current, ~current.kept)), tuple(misfits))
 

@@ -29,6 +29,15 @@ _LONGEST_NAME = 1000
     metavar="PX",
     help="Exit with code 5 where the projection is known less well, at the boards' range.",
 )
+@click.option(
+    "--twin",
+    is_flag=False,
+    flag_value=3,
+    default=0,
+    type=click.IntRange(min=0),
+    metavar="[N]",
+    help="Render the capture again N times (3) with known truth, and report the errors actually made.",
+)
 @click.option("--anamorphic", is_flag=True, help="Accept pixels that are far from square.")
 @click.option("--only-used", is_flag=True, help="With a corners.csv: keep its choice of corners.")
 @click.option("--undistort", is_flag=True, help="Write the undistorted images as well.")
@@ -49,6 +58,7 @@ def calibrate(
     require: str | None,
     max_rms: float | None,
     max_sigma_px: float | None,
+    twin: int,
     anamorphic: bool,
     only_used: bool,
     undistort: bool,
@@ -80,6 +90,7 @@ def calibrate(
             unlimited if max_rms is None else max_rms,
             unlimited if max_sigma_px is None else max_sigma_px,
         ),
+        twin=twin,
         anamorphic=anamorphic,
         only_used=only_used,
         undistort=undistort,

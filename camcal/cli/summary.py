@@ -64,6 +64,11 @@ def print_calibration(run: CalibrationRun, images: Sequence[str], undistorted: b
         }
     )
     print_verdict(run.verdict)
+    if run.twin is not None:
+        from camcal.cli.twin_table import print_twin
+
+        say("")
+        print_twin(run.twin)
 
 
 def print_verdict(verdict: Verdict) -> None:

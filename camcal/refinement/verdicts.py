@@ -9,7 +9,7 @@ import numpy as np
 from camcal.geometry.arrays import BoolArray, FloatArray, IntArray
 from camcal.observations import Detection, Image
 from camcal.refinement.corner_fit import LARGEST_RESPONSE
-from camcal.refinement.corner_model import ANGLE_1, BEND_1, GAIN, LOG_BLUR, RESPONSE
+from camcal.refinement.corner_model import ANGLE_1, BEND_1, GAIN, LOG_BLUR, OFFSET, OVERSHOOT, RESPONSE
 from camcal.refinement.corner_search import Found, Starts
 
 ACCEPTED = ""
@@ -41,6 +41,12 @@ class Refinement:
         Standard deviation along x and y from the scatter of the fit's residuals, px; NaN where a corner was refused.
     blur_px : ndarray of shape (N,)
         Standard deviation of the blur at the corner, the pixel's own area included; NaN where a corner was refused.
+    overshoot : ndarray of shape (N,)
+        Overshoot of its edges, negative where the camera sharpens (see `corner_model.Corners`); NaN where it was refused.
+    noise_levels : ndarray of shape (N,)
+        Standard deviation of what the fit leaves unexplained, grey levels of the image; NaN where a corner was refused.
+    ink_levels, paper_levels : ndarray of shape (N,)
+        Grey levels of ink and paper at the corner; NaN where it was refused.
     reasons : tuple of str
         Why each corner was refused; `ACCEPTED` for the good ones.
     """
@@ -48,6 +54,10 @@ class Refinement:
     corners_px: FloatArray
     sigma_px: FloatArray
     blur_px: FloatArray
+    overshoot: FloatArray
+    noise_levels: FloatArray
+    ink_levels: FloatArray
+    paper_levels: FloatArray
     reasons: tuple[str, ...]
 
     @property
@@ -133,7 +143,8 @@ def judged(gray: Image, starts: Starts, rows: IntArray, found: Found, verdicts: 
     verdicts.refuse(~(blur <= _LARGEST_BLUR_OVER_RADIUS * starts.radius_px), "too blurred for its size (blur {:.1f} px)", blur)
     verdicts.refuse(~np.isin(np.arange(total), rows[found.converged]), "the fit did not converge")
     verdicts.refuse(~finite_rows(sigma), "the fit does not determine it")
-    bad = ~verdicts.ok
-    for values in (corners, sigma, blur):
-        values[bad] = np.nan
-    return Refinement(corners, sigma, blur, tuple(verdicts.reasons))
+    ink, paper = (params[:, OFFSET] + sign * gain for sign in (-1, 1))
+    measured = (corners, sigma, blur, params[:, OVERSHOOT].copy(), noise, ink, paper)
+    for values in measured:
+        values[~verdicts.ok] = np.nan
+    return Refinement(*measured, tuple(verdicts.reasons))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -35,8 +36,11 @@ from camcal.workflows.observe import (
     tell_left_out,
     tell_refused,
 )
-from camcal.workflows.reporting import LogReporter, Reporter
+from camcal.workflows.reporting import LogReporter, Reporter, SilentReporter
 from camcal.workflows.undistort import undistort_found
+
+if TYPE_CHECKING:
+    from camcal.workflows.twin import Twin
 
 UNDISTORTED = "undistorted"
 
@@ -57,6 +61,8 @@ class CalibrationRun:
         Where the files were written.
     refused : dict of str to tuple of str
         By view, a clause for each corner that was refused: its id and why.
+    twin : Twin or None
+        What the same capture gives when it is rendered with known truth, if that was asked for.
     """
 
     calibration: Calibration
@@ -65,6 +71,7 @@ class CalibrationRun:
     board: Board
     folder: Path | None
     refused: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    twin: Twin | None = None
 
     @property
     def verdict(self) -> Verdict:
@@ -89,6 +96,7 @@ class CalibrationRun:
             "board_shape": dict(zip(known.shape.names, known.shape.values.tolist(), strict=True)),
             "board_shape_standard_deviations": dict(zip(known.shape.names, known.shape.sigma.tolist(), strict=True)),
             "outliers": [{"image": o.source, "id": o.id, "reason": o.reason} for o in calibration.outliers],
+            "twin": None if self.twin is None else self.twin.as_dict(),
             "rejected": {rejection.source: rejection.reason for rejection in calibration.rejected},
             "notes": {d.source: list(d.notes) for d in calibration.detections if d.notes},
             "folder": None if self.folder is None else str(self.folder),
@@ -105,6 +113,7 @@ def calibrate(
     warp: bool = False,
     scale: bool = False,
     gates: Gates = NO_GATES,
+    twin: int = 0,
     anamorphic: bool = False,
     only_used: bool = False,
     undistort: bool = False,
@@ -134,6 +143,9 @@ def calibrate(
         Whether a stretch of the board's y axis against its x axis is solved for as well.
     gates : Gates
         What the result must reach, beyond not being rejected.
+    twin : int
+        How often the capture is rendered again from what was found, with known truth, and calibrated from its pixels, to
+        compare the errors actually made with the predicted ones. A rejected calibration has no twin.
     anamorphic : bool
         Whether pixels far from square are expected.
     only_used : bool
@@ -168,6 +180,8 @@ def calibrate(
     replay_file = _corners_file(as_paths(images))
     if undistort and (replay_file or output is None):
         raise InputError("--undistort: needs images and an output folder (got a corners file or no -o).")
+    if twin and replay_file:
+        raise InputError("--twin: needs images, whose blur and noise are measured (got a corners file).")
     if only_used and not replay_file:
         raise InputError("--only-used: needs a corners.csv as the only input (got images).")
     if refine not in REFINEMENTS:
@@ -187,7 +201,8 @@ def calibrate(
     tell_left_out(calibration, reporter)
     assessment = assess(calibration, target, anamorphic=anamorphic, gates=gates)
     known = _intrinsics(calibration, assessment, target, name)
-    run = CalibrationRun(calibration, assessment, known, target, folder, refused)
+    twins = task.twins(calibration, found, twin) if twin and not known.problems else None
+    run = CalibrationRun(calibration, assessment, known, target, folder, refused, twins)
     if folder is not None:
         _write(run, folder)
         if undistort:
@@ -231,6 +246,18 @@ class _Task:
         refused = {view.detection.source: view.refused for view in views}
         tell_refused(refused, self.reporter)
         return calibration, refused
+
+    def twins(self, calibration: Calibration, found: Sequence[ImageFile], count: int) -> Twin:
+        """Render the capture again with known truth, and calibrate it from pixels in just the same way."""
+        # The renderer is only needed here.
+        from camcal.workflows.twin import run_twins
+
+        quiet = replace(self, reporter=SilentReporter())
+
+        def recalibrate(folder: Path) -> Calibration:
+            return quiet.solve_images(images_to_work_on(folder, quiet.reporter))[0]
+
+        return run_twins(calibration, self.board, found, recalibrate, count, jobs=self.jobs, reporter=self.reporter)
 
     def _solve_board(self, detections: Sequence[Detection], rejected: Sequence[Rejected]) -> Calibration:
         return solve_board(detections, self.board, distortion=self.distortion, shape=self.shape, rejected=rejected)
