@@ -207,7 +207,7 @@ def test_few_tags():
         if isinstance(found, Detection):
             assert set((found.ids // 4).tolist()) == set(keep)
         else:
-            assert "only 2 tags of the board" in found.reason
+            assert "too few tags of the board were found (got 2)" in found.reason
 
 
 def test_mirrored_board_is_no_board():

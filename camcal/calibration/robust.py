@@ -118,16 +118,17 @@ def _without_outliers(start: _Round, columns: IntArray, free: tuple[str, ...], *
     outliers: list[Outlier] = []
     for _ in range(_MOST_ROUNDS + len(start.detections)):
         known = current.state, current.seen, current.sigma_px, current.kept
-        worst = worst_misfit(*known) if drop_views and len(current.detections) > FEWEST_VIEWS else None
-        if worst is not None:
+        chosen = belonging(*known)
+        if (chosen != current.kept).any():
+            current = replace(current, kept=chosen)
+        else:
+            # A single corner far off bends the pose of its view: only without it is the view judged as a whole.
+            worst = worst_misfit(*known) if drop_views and len(current.detections) > FEWEST_VIEWS else None
+            if worst is None:
+                break
             misfits.append(_misfit(current, worst))
             outliers.extend(_outliers(current, current.seen.view == worst))
             current = current.without(worst)
-        else:
-            chosen = belonging(*known)
-            if (chosen == current.kept).all():
-                break
-            current = replace(current, kept=chosen)
         current, weighted = current.solved(columns, free)
     detections = [seen.take(keep) for seen, keep in zip(current.detections, _by_view(current.kept, current), strict=True)]
     return Fit(current.state, weighted, tuple(detections), (*outliers, *_outliers(current, ~current.kept)), tuple(misfits))

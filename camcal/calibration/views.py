@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,6 +12,8 @@ from camcal.observations import Detection, Rejected
 
 FEWEST_VIEWS = 3
 """Two planar views leave K undetermined with the principal point free (Zhang 2000, section 3.2)."""
+
+_MORE_VIEWS = "Take more photographs that show the whole board."
 
 FEWEST_CORNERS = 6
 # Corners that were seen lie in the image. A fit may end a little outside; a tenth of the image is no such slip.
@@ -54,14 +57,29 @@ def usable_views(
 
 
 def too_few_views(count: int, rejected: Sequence[Rejected]) -> str:
-    """Say that too few views are left, and what became of the first of the others."""
+    """Say that too few views are left, and the commonest reason for which the others were rejected.
+
+    Reasons count as the same if they differ only in what stands in parentheses: the figures of one image.
+    """
     text = f"calibrate: too few usable views (got {count}, expected at least {FEWEST_VIEWS})."
-    if rejected:
-        reason = rejected[0].reason
-        text += f" {rejected[0].source}: {reason}{'' if reason.endswith('?') else '.'}"
-        more = len(rejected) - 1
-        text += f" {more} more {'was' if more == 1 else 'were'} rejected." if more else ""
-    return text + " Take more photographs that show the whole board."
+    if not rejected:
+        return f"{text} {_MORE_VIEWS}"
+    alike: dict[str, list[Rejected]] = {}
+    for each in rejected:
+        alike.setdefault(_without_figures(each.reason), []).append(each)
+    clause, commonest = max(alike.items(), key=lambda item: len(item[1]))
+    first = commonest[0]
+    where = (
+        f"{len(commonest)} of {len(rejected)} rejected images (first: {first.source})" if len(rejected) > 1 else first.source
+    )
+    reason = first.reason.rstrip(".")
+    # After a colon a reason says itself what to do.
+    advice = "" if ": " in clause else f" {_MORE_VIEWS}"
+    return f"{text} {where}: {reason}{'' if reason.endswith('?') else '.'}{advice}"
+
+
+def _without_figures(reason: str) -> str:
+    return re.sub(r" ?\([^()]*\)", "", reason)
 
 
 def _defect(detection: Detection, object_points: FloatArray) -> str:

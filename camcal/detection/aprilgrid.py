@@ -7,18 +7,26 @@ from dataclasses import replace
 
 import numpy as np
 
-from camcal.boards.aprilgrid import BORDER_BITS, FAMILIES, AprilGrid
+from camcal.boards.aprilgrid import BORDER_BITS, AprilGrid
 from camcal.detection.blur import Edges, blur_notes, edge_width_px
+from camcal.detection.causes import too_small, why_no_aprilgrid
 from camcal.detection.layout import fitting_tags, misfit_reason
+from camcal.detection.reading import Print, Reading, read_tags
 from camcal.detection.sampling import Gray, reduced
-from camcal.detection.sighting import FEWEST_CORNERS, Sighting, border_share, completed, dependable
+from camcal.detection.sighting import (
+    FEWEST_CORNERS,
+    Sighting,
+    border_share,
+    completed,
+    dependable,
+    least_tag_px,
+    tag_side_px,
+)
 from camcal.detection.tags import Tags, find_tags
 from camcal.observations import Detection, Rejected
 
 # Longer side of the images in which tags are looked for: small tags need the second, noise makes it slow.
 _SEARCH_PX = (1600, 3200)
-_DIAGNOSIS_PX = 1024
-_DIAGNOSIS_IDS = 600
 # The detector's time grows with the square of what looks like a tag; this much is a checkerboard or a texture.
 _TOO_MANY_OTHERS = 1000
 
@@ -43,21 +51,41 @@ def detect_aprilgrid(gray: Gray, board: AprilGrid, source: str) -> Detection | R
     Detection or Rejected
         Tags with the other border width than the board's are used, and a note says so.
     """
-    best = Sighting.nothing(board)
+    best, misfit = Sighting.nothing(board), ""
     for tags, printed in _seen_tags(gray, board):
-        if len(tags) == 0:
-            if tags.others > _TOO_MANY_OTHERS:
-                return Rejected(source, f"no {board.family} tags among {tags.others} squares: is it another kind of board?")
-            continue
-        fitting = fitting_tags(tags, printed)
-        misfit = misfit_reason(tags, fitting, printed)
-        if misfit:
-            return Rejected(source, misfit)
-        sighting = completed(gray, Sighting.of_tags(gray, printed, Tags(tags.ids[fitting], tags.corners_px[fitting])))
+        if len(tags) == 0 and tags.others > _TOO_MANY_OTHERS:
+            return Rejected(
+                source, f"no {board.family} tags among the squares seen ({tags.others}): is it another kind of board?"
+            )
+        sighting = _sighting(gray, tags, printed)
+        if isinstance(sighting, str):
+            misfit = sighting
+            break
         best = max(best, sighting, key=lambda one: one.tag_count)
         if best.tag_count >= _FEWEST_TAGS:
             return _detection(gray, board, best, source)
-    return Rejected(source, _why_not_found(gray, board, best.tag_count))
+    reading = read_tags(gray)
+    if not misfit:
+        sighting = _read_again(gray, board, reading)
+        if isinstance(sighting, Sighting) and sighting.tag_count >= _FEWEST_TAGS:
+            return _detection(gray, board, sighting, source)
+        misfit = sighting if isinstance(sighting, str) else ""
+    return Rejected(source, why_no_aprilgrid(gray, board, reading, best.tag_count, misfit))
+
+
+def _sighting(gray: Gray, tags: Tags, printed: AprilGrid) -> Sighting | str:
+    """The board that decoded tags belong to, completed, or the reason why they do not lie as they do on it."""
+    fitting = fitting_tags(tags, printed)
+    misfit = misfit_reason(tags, fitting, printed)
+    return misfit or completed(gray, Sighting.of_tags(gray, printed, tags.chosen(fitting)))
+
+
+def _read_again(gray: Gray, board: AprilGrid, reading: Reading) -> Sighting | str:
+    """The same from tags that OpenCV does not decode: bloomed, blurred or small ones."""
+    if reading.printed is None or reading.printed != Print(board.family, reading.printed.border_bits):
+        return Sighting.nothing(board)
+    on_board = reading.tags.chosen(reading.tags.ids < board.tag_count)
+    return _sighting(gray, on_board, replace(board, border_bits=reading.printed.border_bits))
 
 
 def _seen_tags(gray: Gray, board: AprilGrid) -> Iterator[tuple[Tags, AprilGrid]]:
@@ -71,10 +99,15 @@ def _seen_tags(gray: Gray, board: AprilGrid) -> Iterator[tuple[Tags, AprilGrid]]
 
 def _detection(gray: Gray, board: AprilGrid, sighting: Sighting, source: str) -> Detection | Rejected:
     """What is dependable of a sighting, with notes."""
+    side, least = tag_side_px(sighting), least_tag_px(sighting.board)
+    if side < least:
+        return Rejected(source, too_small("tags", side, least))
     corners = dependable(gray, sighting).reshape(-1, 2)
     ids = np.flatnonzero(np.isfinite(corners[:, 0]))
     if ids.size < FEWEST_CORNERS:
-        return Rejected(source, "its tags are too small or too near the border of the image for their corners to be located")
+        return Rejected(
+            source, "its tags are too near the border of the image, or too unclear, to be located: move it further in"
+        )
     notes: tuple[str, ...] = ()
     if sighting.board.border_bits != board.border_bits:
         bits = sighting.board.border_bits
@@ -101,23 +134,3 @@ def _edges(sighting: Sighting) -> tuple[Edges, Edges]:
         return Edges(parallel[:, 0], parallel[:, 1], share * lengths[:, 1 - first :: 2].ravel())
 
     return family(0), family(1)
-
-
-def _why_not_found(gray: Gray, board: AprilGrid, tag_count: int) -> str:
-    """The reason why a board is not there: too few of its tags, other tags, or none."""
-    if tag_count:
-        tags = "1 tag" if tag_count == 1 else f"{tag_count} tags"
-        return (
-            f"only {tags} of the board found, expected at least {_FEWEST_TAGS}: too small, blurred, covered or out of the image"
-        )
-    search = reduced(gray, _DIAGNOSIS_PX).gray
-    for family in sorted(FAMILIES, key=lambda name: name != board.family):
-        available = min(FAMILIES[family][1], _DIAGNOSIS_IDS)
-        count = available if family == board.family else min(board.tag_count, available)
-        for border_bits in BORDER_BITS:
-            ids = find_tags(search, family, border_bits, count).ids
-            if len(ids) >= _FEWEST_TAGS and family == board.family:
-                return f"its tags are not on the board (ids {ids.min()} to {ids.max()}, expected 0 to {board.tag_count - 1})"
-            if len(ids) >= _FEWEST_TAGS:
-                return f"tags of {family} were seen, {board.family} was asked for"
-    return f"no {board.family} tags found: the board must be in the image, sharp, large enough and not mirrored"

@@ -10,20 +10,19 @@ import numpy.typing as npt
 
 from camcal.boards.checkerboard import Checkerboard
 from camcal.detection.blur import Edges, blur_notes, edge_width_px
+from camcal.detection.causes import too_small, why_no_checkerboard
 from camcal.detection.grid import (
     clear_corners,
     continues,
     contrasts,
-    grown,
     is_grid,
-    leaves_image,
     oriented,
     right_handed,
     spacing_px,
-    trimmed,
 )
 from camcal.detection.sampling import Gray, Reduced, reduced
 from camcal.detection.subpixel import refine
+from camcal.detection.survey import survey
 from camcal.geometry.arrays import BoolArray, FloatArray
 from camcal.observations import Detection, Rejected
 
@@ -31,8 +30,6 @@ from camcal.observations import Detection, Rejected
 _SEARCH_PX = 800
 _FINE_SEARCH_PX = 1152
 _COARSE_SEARCH_PX = 480
-# Where the survey looks for boards of any size: longer side of the image, and the smallest grid taken for a start.
-_SURVEYS = ((480, (5, 4)), (640, (4, 3)))
 
 # Half-window of the refinement as a share of the distance to the nearest corner: wider ones reach curved edges, glare and
 # the neighbours' squares, narrower ones see less of the edges.
@@ -41,8 +38,6 @@ _REACH = 0.22
 _EDGE_REACH = 0.4
 _LEAST_SHARE_REFINED = 0.9
 _LEAST_SPACING_PX = 7.0
-# What the survey reports must be big enough not to be a chance of texture.
-_LEAST_SURVEYED = 12
 
 # The sector-based finder clusters with random numbers; OpenCV's generator belongs to the thread.
 _SEED = 0
@@ -72,7 +67,7 @@ def detect_checkerboard(gray: Gray, board: Checkerboard, source: str) -> Detecti
     Detection or Rejected
         Feature 0 has a black square up-left of it (as printed) wherever the board allows it; the board is never mirrored.
     """
-    found = _find(gray, board.columns, board.rows)
+    found = _find(gray, board)
     if isinstance(found, str):
         return Rejected(source, found)
     grid, clear = found
@@ -86,25 +81,26 @@ def detect_checkerboard(gray: Gray, board: Checkerboard, source: str) -> Detecti
     return Detection(source, (width, height), ids, refined[ids], np.full(ids.size, np.nan), blur_notes(edge_width), edge_width)
 
 
-def _find(gray: Gray, columns: int, rows: int) -> _Grid | str:
+def _find(gray: Gray, board: Checkerboard) -> _Grid | str:
     """The board's corners in full-size pixels, or the reason why there are none."""
-    if min(gray.shape) < 2 * (min(columns, rows) + 1) or max(gray.shape) < 2 * (max(columns, rows) + 1):
+    columns, rows = size = board.columns, board.rows
+    if min(gray.shape) < 2 * (min(size) + 1) or max(gray.shape) < 2 * (max(size) + 1):
         height, width = gray.shape
         return f"the image is too small for the board (got {width}x{height} pixels for {columns}x{rows} corners)"
     grid = _search(reduced(gray, _SEARCH_PX), _classic, columns, rows)
     if grid is not None:
         return grid
     # The survey comes before the thorough finders: those take seconds on a board that is larger than the one asked for.
-    seen, complete = _survey(gray)
-    if sorted(seen.shape[:2]) == sorted((rows, columns)) and complete:
+    seen = survey(gray)
+    if seen.sides == (min(size), max(size)) and seen.complete:
         search = reduced(gray, _SEARCH_PX)
-        return _as_printed(search, search.from_full(seen), columns, rows)
-    if not _is_another(gray, seen, columns, rows):
+        return _as_printed(search, search.from_full(seen.grid), columns, rows)
+    if not (seen.contains(size) or seen.counts_squares(size)):
         for longest_px, finder in _THOROUGH:
             grid = _search(reduced(gray, longest_px), finder, columns, rows)
             if grid is not None:
                 return grid
-    return _why_not_found(gray, seen, columns, rows)
+    return why_no_checkerboard(gray, board, seen)
 
 
 def _search(search: Reduced, finder: Finder, columns: int, rows: int) -> _Grid | None:
@@ -157,75 +153,12 @@ def _as_grid(corners: npt.ArrayLike, size: tuple[int, int]) -> FloatArray:
     return np.asarray(corners, dtype=np.float64).reshape(rows, columns, 2)
 
 
-def _survey(gray: Gray) -> tuple[FloatArray, bool]:
-    """The largest checkerboard of any size in the image.
-
-    Returns
-    -------
-    grid : ndarray of shape (R, C, 2)
-        Its corners in full-size pixels; shape (0, 0, 2) if there is none.
-    complete : bool
-        Whether every corner of it looks like one.
-    """
-    best, complete = np.zeros((0, 0, 2)), False
-    flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE
-    for longest_px, smallest in _SURVEYS:
-        search = reduced(gray, longest_px)
-        cv2.setRNGSeed(_SEED)
-        found, corners, meta = cv2.findChessboardCornersSBWithMeta(search.gray, smallest, flags)
-        if not found:
-            continue
-        grid = trimmed(search.gray, right_handed(_as_grid(corners, (meta.shape[1], meta.shape[0]))))
-        if min(grid.shape[:2]) < 3 or not is_grid(grid, contrasts(search.gray, grid)):
-            continue
-        grid = grown(search.gray, grid)
-        if grid.size > best.size:
-            best, complete = search.to_full(grid), is_grid(grid, contrasts(search.gray, grid))
-    return best, complete
-
-
-def _is_another(gray: Gray, seen: FloatArray, columns: int, rows: int) -> bool:
-    """Whether what was seen settles that another size was asked for: a larger board, or squares were counted."""
-    have, want = sorted(seen.shape[:2]), sorted((rows, columns))
-    larger = have != want and have[0] >= want[0] and have[1] >= want[1]
-    return larger or ([n + 1 for n in have] == want and not _is_cut(gray, seen, columns, rows))
-
-
-def _is_cut(gray: Gray, seen: FloatArray, columns: int, rows: int) -> bool:
-    """Whether all that is missing of a board would lie outside the image."""
-    sides = sorted(zip(seen.shape[:2], leaves_image(gray, seen), strict=True))
-    missing = [(leaves, have < want) for (have, leaves), want in zip(sides, sorted((rows, columns)), strict=True)]
-    return any(short for _, short in missing) and all(leaves for leaves, short in missing if short)
-
-
-def _why_not_found(gray: Gray, seen: FloatArray, columns: int, rows: int) -> str:
-    """The reason, given the largest checkerboard that was seen."""
-    asked = f"{columns}x{rows}"
-    have, want = sorted(seen.shape[:2]), sorted((rows, columns))
-    if have[0] * have[1] < _LEAST_SURVEYED:
-        return (
-            f"no checkerboard found: all {asked} inner corners must be in the image, sharp and evenly lit, "
-            "with white paper around the outer squares"
-        )
-    if have == want:
-        return f"a board of {asked} inner corners was seen, but not clearly enough: is part of it hidden or in glare?"
-    # Name the sides in the order of the question.
-    high, wide = (have[1], have[0]) if rows > columns else (have[0], have[1])
-    what = f"{wide}x{high} inner corners"
-    if have[0] > want[0] or have[1] > want[1]:
-        return f"a board of {what} was seen, {asked} was asked for"
-    if _is_cut(gray, seen, columns, rows):
-        return f"only {what} of {asked} are in the image: the board is cut by the frame"
-    if [n + 1 for n in have] == want:
-        return f"a board of {what} was seen, {asked} was asked for: were squares counted instead of inner corners?"
-    return f"only {what} of {asked} were seen: is part of the board hidden or in glare, or is it a smaller board?"
-
-
 def _why_not_refined(count: int, board: Checkerboard, spacing: float) -> str:
     if spacing < _LEAST_SPACING_PX:
-        return f"the board is too small in the image (squares of {spacing:.1f} pixels, expected at least {_LEAST_SPACING_PX:g})"
+        return too_small("squares", spacing, _LEAST_SPACING_PX)
     return (
-        f"only {count} of {board.feature_count} corners are clear enough to be located: is the board blurred or at the border?"
+        f"too few corners are clear enough to be located ({count} of {board.feature_count}): is the board blurred, "
+        "in glare or at the border?"
     )
 
 

@@ -65,10 +65,12 @@ def misfit_reason(tags: Tags, fitting: BoolArray, board: AprilGrid) -> str:
     asked = f"{board.columns}x{board.rows}"
     for candidate, name in _other_layouts(board):
         if fitting_tags(tags, candidate).sum() > max(_FITTING_SHARE * seen, fitting.sum()):
-            return f"the tags fit {name}, {asked} with the first tag at the {board.first} was asked for"
+            guess = f": is it {candidate.spec}?" if candidate.tag_count == board.tag_count else ": check its size"
+            return f"the tags fit {name}, {asked} with the first tag at the {board.first} was asked for{guess}"
     if 2 * fitting.sum() >= seen:
         return ""
-    return f"only {fitting.sum()} of {seen} tags lie where the board has them: check its size and spacing ({asked} asked for)"
+    share = f"{fitting.sum()} of {seen}"
+    return f"most tags do not lie where the board has them ({share} do, {asked} asked for): check its size and spacing"
 
 
 def _other_layouts(board: AprilGrid) -> Iterator[tuple[AprilGrid, str]]:

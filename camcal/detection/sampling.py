@@ -66,7 +66,7 @@ def _stretched(gray: Image) -> Gray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reduced:
-    """A smaller copy of an image, and the way back to the full one.
+    """A smaller (or enlarged) copy of an image, and the way back to the full one.
 
     Attributes
     ----------
@@ -90,8 +90,8 @@ class Reduced:
         return small
 
 
-def reduced(gray: Gray, longest_px: float) -> Reduced:
-    """Shrink an image until its longer side is at most `longest_px`; never enlarge it.
+def reduced(gray: Gray, longest_px: float, most_enlarged: float = 1.0) -> Reduced:
+    """Shrink an image until its longer side is at most `longest_px`, or enlarge it up to there (`most_enlarged` times at most).
 
     Halving by averaging is twenty times faster than averaging over any other ratio, so the image is halved as often as
     possible and then interpolated; an odd row or column at the end is left out.
@@ -101,11 +101,11 @@ def reduced(gray: Gray, longest_px: float) -> Reduced:
         height, width = (n // 2 for n in small.shape)
         small = _resized(small[: 2 * height, : 2 * width], (width, height), cv2.INTER_AREA)
         scale = scale / 2
-    shrink = longest_px / max(small.shape)
-    if shrink < 1:
+    factor = min(longest_px / max(small.shape), most_enlarged)
+    if factor != 1:
         height, width = small.shape
-        size = (max(1, round(width * shrink)), max(1, round(height * shrink)))
-        small = _resized(small, size, cv2.INTER_LINEAR)
+        size = (max(1, round(width * factor)), max(1, round(height * factor)))
+        small = _resized(small, size, cv2.INTER_LINEAR if factor < 1 else cv2.INTER_CUBIC)
         scale = scale * size / np.array([width, height])
     return Reduced(small, scale)
 

@@ -156,6 +156,17 @@ def _sides(corners_px: FloatArray) -> FloatArray:
     return shorter
 
 
+def tag_side_px(sighting: Sighting) -> float:
+    """Typical side of the tags found, in pixels; NaN if none is known."""
+    sides = _sides(sighting.corners_px)
+    return float(np.nanmedian(sides)) if np.isfinite(sides).any() else float("nan")
+
+
+def least_tag_px(board: AprilGrid) -> float:
+    """Side in pixels below which the smallest window around a tag's corner reaches what lies next to it."""
+    return SMALLEST_REACH_PX / _reach(board)
+
+
 def border_share(board: AprilGrid) -> float:
     """Width of a tag's black border in tag sides."""
     return board.border_bits / (FAMILIES[board.family][0] + 2 * board.border_bits)

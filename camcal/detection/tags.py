@@ -10,7 +10,7 @@ import numpy as np
 
 from camcal.boards.aprilgrid import FAMILIES, tag_ink
 from camcal.detection.sampling import Gray, sample
-from camcal.geometry.arrays import FloatArray, IntArray
+from camcal.geometry.arrays import BoolArray, FloatArray, IntArray
 from camcal.geometry.homography import apply_homography, homography_from_points
 
 TAG_CORNERS = np.array([[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]])
@@ -19,6 +19,8 @@ TAG_CORNERS = np.array([[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]])
 # Windows of the adaptive threshold in pixels: the smallest parts tags from the corner squares that touch them, the widest
 # fills large tags.
 _THRESHOLD_WINDOWS = (3, 33, 15)
+# Perimeter over the longer side of the image. Fine textures are thousands of squares, whose number costs time squared.
+_LEAST_PERIMETER = 0.05
 _PROBE_CELL_PX = 10
 _SAMPLES_PER_CELL = (0.3, 0.5, 0.7)
 
@@ -41,9 +43,18 @@ class Tags:
     corners_px: FloatArray
     others: int = 0
 
+    @classmethod
+    def none(cls, others: int = 0) -> Tags:
+        """Build the result of an image without tags."""
+        return cls(np.zeros(0, dtype=np.int64), np.zeros((0, 4, 2)), others)
+
     def __len__(self) -> int:
         """Return the number of tags."""
         return int(self.ids.size)
+
+    def chosen(self, which: BoolArray) -> Tags:
+        """Some of the tags, by a mask of shape (T,)."""
+        return Tags(self.ids[which], self.corners_px[which])
 
 
 def find_tags(gray: Gray, family: str, border_bits: int, count: int) -> Tags:
@@ -62,10 +73,35 @@ def find_tags(gray: Gray, family: str, border_bits: int, count: int) -> Tags:
     """
     corners, ids, others = _detector(family, border_bits, count).detectMarkers(gray)
     if len(corners) == 0:
-        return Tags(np.zeros(0, dtype=np.int64), np.zeros((0, 4, 2)), len(others))
+        return Tags.none(len(others))
     order = _corner_order(family)
     ordered = np.asarray(corners, dtype=np.float64).reshape(-1, 4, 2)[:, order]
     return Tags(np.asarray(ids, dtype=np.int64).ravel(), ordered, len(others))
+
+
+def find_squares(gray: Gray) -> FloatArray:
+    """Every dark quadrangle that might be a tag, whatever is in it, but for small ones.
+
+    Parameters
+    ----------
+    gray : ndarray of shape (height, width)
+        uint8.
+
+    Returns
+    -------
+    ndarray of shape (Q, 4, 2)
+        Corners in pixels, clockwise from any of them.
+    """
+    detector = _detector("tag16h5", 1, 1)
+    parameters = detector.getDetectorParameters()
+    parameters.minMarkerPerimeterRate = _LEAST_PERIMETER
+    detector.setDetectorParameters(parameters)
+    tags, _, others = detector.detectMarkers(gray)
+    squares = np.asarray([*tags, *others], dtype=np.float64).reshape(-1, 4, 2)
+    diagonals = squares[:, 2:] - squares[:, :2]
+    clockwise = diagonals[:, 0, 0] * diagonals[:, 1, 1] > diagonals[:, 0, 1] * diagonals[:, 1, 0]
+    ordered: FloatArray = np.where(clockwise[:, None, None], squares, squares[:, ::-1])
+    return ordered
 
 
 def _detector(family: str, border_bits: int, count: int) -> cv2.aruco.ArucoDetector:
