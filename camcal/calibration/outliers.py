@@ -30,7 +30,7 @@ _FEWEST_FOR_A_SCALE = 8
 _RING_CORNERS = 17
 # If so many corners of a view are wrong it is the view that is wrong; if so many of all are, it is the model.
 _LARGEST_SHARE_OF_A_VIEW = 0.3
-_LARGEST_SHARE_OF_ALL = 0.1
+_LARGEST_SHARE_OF_ALL = 0.2
 _HALVINGS = 60
 # Made corners may be perfect: below a billionth of a pixel there is no scale.
 _LEAST_VARIANCE_PX2 = 1e-18

@@ -19,7 +19,8 @@ from camcal.errors import SolveError
 from camcal.geometry.arrays import BoolArray, FloatArray, IntArray
 from camcal.observations import Detection, Outlier, Rejected
 
-_MOST_ROUNDS = 12
+# Where a model does not describe its corners the choice may go round in circles.
+_MOST_ROUNDS = 10
 # With more views out than this it is not they that are wrong.
 _LARGEST_SHARE_OF_VIEWS = 0.25
 
@@ -116,10 +117,12 @@ def _without_outliers(start: _Round, columns: IntArray, free: tuple[str, ...], *
     current, weighted = start.solved(columns, free)
     misfits: list[Rejected] = []
     outliers: list[Outlier] = []
-    for _ in range(_MOST_ROUNDS + len(start.detections)):
+    rounds = 0
+    while True:
         known = current.state, current.seen, current.sigma_px, current.kept
-        chosen = belonging(*known)
+        chosen = belonging(*known) if rounds < _MOST_ROUNDS else current.kept
         if (chosen != current.kept).any():
+            rounds += 1
             current = replace(current, kept=chosen)
         else:
             # A single corner far off bends the pose of its view: only without it is the view judged as a whole.
@@ -129,6 +132,8 @@ def _without_outliers(start: _Round, columns: IntArray, free: tuple[str, ...], *
             misfits.append(_misfit(current, worst))
             outliers.extend(_outliers(current, current.seen.view == worst))
             current = current.without(worst)
+            if len(misfits) > _LARGEST_SHARE_OF_VIEWS * len(start.detections):
+                break
         current, weighted = current.solved(columns, free)
     detections = [seen.take(keep) for seen, keep in zip(current.detections, _by_view(current.kept, current), strict=True)]
     return Fit(current.state, weighted, tuple(detections), (*outliers, *_outliers(current, ~current.kept)), tuple(misfits))

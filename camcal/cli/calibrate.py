@@ -16,7 +16,11 @@ _LONGEST_NAME = 1000
 @click.option("--board", required=True, metavar="SPEC", help="One-liner, sample board or board file.")
 @click.option("-o", "--output", required=True, metavar="DIR", help="Folder for the results.")
 @click.option(
-    "--distortion", default="k1,k2,k3", show_default=True, metavar="NAMES", help="Free coefficients; the others stay 0."
+    "--distortion",
+    default="k1,k2,k3",
+    show_default=True,
+    metavar="NAMES|auto",
+    help="Free coefficients; the others stay 0. auto: as many as the images support.",
 )
 @options.refine
 @click.option("--warp", is_flag=True, help="Solve for the board's bow as well.")

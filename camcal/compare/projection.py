@@ -105,9 +105,6 @@ def projection_difference(reference: Camera, other: Camera) -> ProjectionDiffere
 def predicted_difference_px(estimate: Intrinsics) -> FloatArray:
     """Predict how far an estimate's projection should be from the truth's, as `projection_difference` measures it.
 
-    The covariance of the free intrinsics is carried through the projection to first order, with the rotation that
-    `projection_difference` fits and removes projected out.
-
     Parameters
     ----------
     estimate : Intrinsics
@@ -119,23 +116,68 @@ def predicted_difference_px(estimate: Intrinsics) -> FloatArray:
         Root mean square length of the difference at each pixel of the grid, in pixels; NaN where the lens has no answer.
     """
     camera = estimate.camera
-    pixels = _image_grid(camera.size)
+    return predicted_length_px(camera, estimate.free, estimate.covariance, _image_grid(camera.size))
+
+
+def predicted_length_px(camera: Camera, free: tuple[str, ...], covariance: FloatArray, pixels: FloatArray) -> FloatArray:
+    """Predict how far apart two cameras see the same far points, after the rotation between them is fitted.
+
+    The covariance is carried through the projection to first order, with the rotation that fits best projected out.
+
+    Parameters
+    ----------
+    camera : Camera
+    free : tuple of str
+        Names of the intrinsics that differ.
+    covariance : ndarray of shape (F, F)
+        Of their differences.
+    pixels : ndarray of shape (M, 2)
+        Where; the rotation is the one that fits best there.
+
+    Returns
+    -------
+    ndarray of shape (M,)
+        Root mean square length of the difference at each pixel; NaN where the lens has no answer.
+    """
+    # Columns are scaled so that a covariance of very different units has a square root to full precision.
+    sigma = np.sqrt(np.diag(covariance))
+    scale = np.where(sigma > 0, sigma, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0))
+    shifts = projection_shifts(camera, free, root.T, pixels)
+    length: FloatArray = np.sqrt((shifts**2).sum(axis=(0, 2)))
+    return length
+
+
+def projection_shifts(camera: Camera, free: tuple[str, ...], changes: FloatArray, pixels: FloatArray) -> FloatArray:
+    """Where far points move if intrinsics change a little, after the rotation that undoes most of it.
+
+    Parameters
+    ----------
+    camera : Camera
+    free : tuple of str
+        Names of the intrinsics that change.
+    changes : ndarray of shape (K, F)
+        Changes of them, each row by itself.
+    pixels : ndarray of shape (M, 2)
+        Where the points are seen before; the rotation is the one that fits best there.
+
+    Returns
+    -------
+    ndarray of shape (K, M, 2)
+        To first order, in pixels; NaN where the lens has no answer.
+    """
     rays = camera.unproject(pixels)
     valid = np.isfinite(rays[:, 0])
     turned, d_rvec = rotate_with_jacobian(np.zeros(3), rays[valid])
     _, d_point, d_intrinsics = camera.project_with_jacobians(turned)
-    columns = [camera.intrinsic_names.index(name) for name in estimate.free]
-    J = d_intrinsics[..., columns].reshape(-1, len(columns))
+    columns = [camera.intrinsic_names.index(name) for name in free]
+    moved = d_intrinsics[..., columns].reshape(-1, len(columns)) @ changes.T
     basis, _ = np.linalg.qr((d_point @ d_rvec).reshape(-1, 3))
-    # Columns are scaled so that a covariance of very different units has a square root to full precision.
-    sigma = np.sqrt(np.diag(estimate.covariance))
-    values, vectors = np.linalg.eigh(estimate.covariance / np.outer(sigma, sigma))
-    root = sigma[:, None] * vectors * np.sqrt(np.maximum(values, 0))
-    spread = J @ root
-    spread -= basis @ (basis.T @ spread)
-    length = np.full(pixels.shape[0], np.nan)
-    length[valid] = np.sqrt((spread**2).sum(axis=1).reshape(-1, 2).sum(axis=1))
-    return length
+    moved -= basis @ (basis.T @ moved)
+    shifts = np.full((len(changes), len(pixels), 2), np.nan)
+    shifts[:, valid] = moved.T.reshape(len(changes), -1, 2)
+    return shifts
 
 
 def _image_grid(size: tuple[int, int]) -> FloatArray:

@@ -9,9 +9,20 @@ import numpy as np
 from camcal.boards.base import Board
 from camcal.observations import Calibration, Uncertainty
 from camcal.threads import single_threaded
+from camcal.trust.board_tests import board_findings
+from camcal.trust.consistency import consistency
+from camcal.trust.coverage import coverage_findings
+from camcal.trust.cross_validation import CrossValidation, cross_validate
 from camcal.trust.explanations import explained
+from camcal.trust.fisheye import check_fisheye
 from camcal.trust.gates import certainty_findings, gate_findings
+from camcal.trust.influence import Influence, influence
+from camcal.trust.linearised import Linearised
+from camcal.trust.minimum import Minimum
+from camcal.trust.models import compare_models
+from camcal.trust.structure import structure_findings
 from camcal.trust.uncertainty import uncertainty
+from camcal.trust.views import view_findings
 from camcal.verdict import Finding, Verdict
 
 
@@ -45,13 +56,15 @@ class Assessment:
     Attributes
     ----------
     uncertainty : Uncertainty
-    cross_validation : float
-        Difference of halves of the views over its prediction; NaN where there are too few views.
+    cross_validation : CrossValidation
+    influence : Influence
+        The view that moves the answer most.
     verdict : Verdict
     """
 
     uncertainty: Uncertainty
-    cross_validation: float
+    cross_validation: CrossValidation
+    influence: Influence
     verdict: Verdict
 
 
@@ -69,14 +82,30 @@ def assess(calibration: Calibration, board: Board, *, anamorphic: bool = False, 
         What it must reach, beyond not being rejected.
     """
     with single_threaded():
+        minimum = Minimum.of(calibration, board)
+        linearised = Linearised.of(minimum)
         known = uncertainty(calibration, board.object_points)
+        halves = cross_validate(linearised)
+        corners = np.concatenate([seen.corners_px for seen in calibration.detections])
+        weightiest = influence(linearised, [seen.source for seen in calibration.detections], corners)
+        models = compare_models(minimum, linearised)
+        fisheye = check_fisheye(minimum)
         findings = [
             *gate_findings(calibration, board, anamorphic=anamorphic),
             *certainty_findings(calibration, known),
+            *halves.findings,
+            *weightiest.findings,
+            *(models.findings if models else ()),
+            *(fisheye.findings if fisheye else ()),
+            *board_findings(calibration, board),
+            *consistency(calibration, board),
+            *structure_findings(calibration, board),
+            *coverage_findings(calibration, board),
+            *view_findings(calibration, board),
         ]
-        cross = float("nan")
     verdict = explained(findings)
-    return Assessment(known, cross, Verdict.of([*verdict.findings, *_failed_gates(calibration, known, verdict, gates)]))
+    verdict = Verdict.of([*verdict.findings, *_failed_gates(calibration, known, verdict, gates)])
+    return Assessment(known, halves, weightiest, verdict)
 
 
 def _failed_gates(calibration: Calibration, known: Uncertainty, verdict: Verdict, gates: Gates) -> list[Finding]:

@@ -16,6 +16,8 @@ from camcal.verdict import Finding
 # where more than the second is known to half a pixel there is nothing to say.
 _LEAST_SHARE_KNOWN = 0.5
 _GOOD_SHARE_KNOWN = 0.9
+# Refined corners hit a whole pixel in x and y by chance alone.
+_LARGEST_SHARE_ON_PIXELS = 0.2
 
 
 def gate_findings(calibration: Calibration, board: Board, *, anamorphic: bool = False) -> tuple[Finding, ...]:
@@ -46,7 +48,7 @@ def certainty_findings(calibration: Calibration, known: Uncertainty) -> tuple[Fi
     known : Uncertainty
         Of the same calibration.
     """
-    checks = (_uncertain(calibration, known), _few_from_behind(calibration))
+    checks = (_uncertain(calibration, known), _few_from_behind(calibration), _coarse(calibration))
     return tuple(finding for finding in checks if finding)
 
 
@@ -69,6 +71,21 @@ def _uncertain(calibration: Calibration, known: Uncertainty) -> Finding | None:
         f"where a point at the boards' range is seen is known to {limit} over {100 * share:.0f} % of the image (expected at "
         f"least {100 * least:.0f} %; {worst:.2g} px at worst), the focal length to {100 * relative.max():.2g} %",
         "Add views with boards tilted 20-45° and reaching the image's corners, or free fewer coefficients with --distortion.",
+    )
+
+
+def _coarse(calibration: Calibration) -> Finding | None:
+    """Find corners on whole pixels: somebody rounded them, or never refined them."""
+    corners = np.concatenate([seen.corners_px for seen in calibration.detections])
+    share = float((corners == np.rint(corners)).all(axis=1).mean())
+    if share <= _LARGEST_SHARE_ON_PIXELS:
+        return None
+    return Finding(
+        "coarse_corners",
+        "usable",
+        share,
+        f"{100 * share:.0f} % of the corners lie on whole pixels",
+        "Calibrate from the images, or from corners that were refined to a fraction of a pixel and not rounded.",
     )
 
 

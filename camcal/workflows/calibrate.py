@@ -12,8 +12,9 @@ import numpy as np
 from camcal.boards.base import Board
 from camcal.calibration.board_shape import BOW, STRETCH
 from camcal.calibration.causes import quarter_turn, solve_board
-from camcal.calibration.parameters import parse_distortion
-from camcal.errors import InputError
+from camcal.calibration.parameters import DEFAULT_DISTORTION, parse_distortion
+from camcal.calibration.views import FEWEST_VIEWS, usable_views
+from camcal.errors import InputError, SolveError
 from camcal.formats.board_file import load_board, save_board
 from camcal.formats.camera_file import save_intrinsics, uncertainty_values
 from camcal.formats.corners_file import save_corners
@@ -23,7 +24,9 @@ from camcal.formats.views_file import save_views
 from camcal.geometry.arrays import BoolArray, FloatArray
 from camcal.observations import Calibration, Detection, Intrinsics, Outlier, Rejected, ViewRecord
 from camcal.trust.assess import NO_GATES, Assessment, Gates, assess
+from camcal.trust.fisheye import ADVICE, fit_fisheye
 from camcal.trust.gates import gate_findings
+from camcal.trust.models import choose_distortion
 from camcal.verdict import Verdict
 from camcal.workflows.inputs import Inputs, as_paths, images_to_work_on, warn_of_each
 from camcal.workflows.observe import (
@@ -43,6 +46,8 @@ if TYPE_CHECKING:
     from camcal.workflows.twin import Twin
 
 UNDISTORTED = "undistorted"
+AUTO = "auto"
+"""The distortion whose coefficients are chosen by how well they predict views that they were not solved with."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +138,8 @@ def calibrate(
     output : path, optional
         Folder for camera.yaml, views.yaml, corners.csv and board.yaml; nothing is written without it.
     distortion : str
-        The free distortion coefficients, e.g. `k1,k2,k3`; the others stay 0.
+        The free distortion coefficients, e.g. `k1,k2,k3`; the others stay 0. `auto` chooses the simplest lens that predicts
+        held-out views as well as any.
     refine : str
         How corners are refined: `warped` (a blurred saddle is fitted to each; after a first solve, the template that the
         calibration itself predicts), `saddle` (the first of the two) or `opencv` (cv2.cornerSubPix).
@@ -176,7 +182,7 @@ def calibrate(
     """
     reporter = reporter or LogReporter()
     target = load_board(board)
-    free = parse_distortion(distortion)
+    free = DEFAULT_DISTORTION if distortion == AUTO else parse_distortion(distortion)
     replay_file = _corners_file(as_paths(images))
     if undistort and (replay_file or output is None):
         raise InputError("--undistort: needs images and an output folder (got a corners file or no -o).")
@@ -189,7 +195,7 @@ def calibrate(
     found = () if replay_file else images_to_work_on(images, reporter)
     folder = None if output is None else claim_folder(output, force=force)
     shape = (BOW if warp else ()) + (STRETCH if scale else ())
-    task = _Task(target, free, shape, refine, anamorphic, jobs, reporter)
+    task = _Task(target, free, distortion == AUTO, shape, refine, anamorphic, jobs, reporter)
     if replay_file:
         calibration = task.solve([Refined(seen) for seen in replay(replay_file, target, only_used=only_used)], [])
         refused: dict[str, tuple[str, ...]] = {}
@@ -217,6 +223,7 @@ class _Task:
 
     board: Board
     distortion: tuple[str, ...]
+    choose: bool
     shape: tuple[str, ...]
     refine: str
     anamorphic: bool
@@ -260,7 +267,19 @@ class _Task:
         return run_twins(calibration, self.board, found, recalibrate, count, jobs=self.jobs, reporter=self.reporter)
 
     def _solve_board(self, detections: Sequence[Detection], rejected: Sequence[Rejected]) -> Calibration:
-        return solve_board(detections, self.board, distortion=self.distortion, shape=self.shape, rejected=rejected)
+        """Solve, and once more with the coefficients that the views support if these are to be chosen."""
+        try:
+            found = solve_board(detections, self.board, distortion=self.distortion, shape=self.shape, rejected=rejected)
+        except SolveError as error:
+            views, _ = usable_views(detections, self.board.object_points)
+            fisheye = fit_fisheye(views, self.board.object_points) if len(views) >= FEWEST_VIEWS else None
+            if fisheye is None or not fisheye.is_fisheye:
+                raise
+            raise SolveError(f"solve: {fisheye.text}. {ADVICE}") from error
+        chosen = choose_distortion(found, self.board) if self.choose else self.distortion
+        if chosen == self.distortion:
+            return found
+        return solve_board(detections, self.board, distortion=chosen, shape=self.shape, rejected=rejected)
 
 
 def _corners_file(images: Sequence[str | Path]) -> Path | None:
@@ -286,7 +305,7 @@ def _intrinsics(calibration: Calibration, assessment: Assessment, board: Board, 
         corners=calibration.corner_count,
         shape=calibration.shape,
         uncertainty=assessment.uncertainty,
-        cross_validation=assessment.cross_validation,
+        cross_validation=assessment.cross_validation.ratio,
         verdict=assessment.verdict,
     )
 
