@@ -21,6 +21,8 @@ from camcal.observations import Detection, Outlier, Rejected
 
 # Where a model does not describe its corners the choice may go round in circles.
 _MOST_ROUNDS = 10
+_MOST_WEIGHINGS = 4
+_SAME_WEIGHT = 0.01
 # With more views out than this it is not they that are wrong.
 _LARGEST_SHARE_OF_VIEWS = 0.25
 
@@ -94,15 +96,24 @@ class _Round:
         return np.concatenate([detection.sigma_px for detection in self.detections])
 
     def solved(self, columns: IntArray, free: tuple[str, ...]) -> tuple[_Round, Observations]:
-        """Descend to the minimum of the kept corners, each with its own weight where these are known."""
-        kept = self.seen.only(self.kept)
-        unknowns = columns.size + 6 * kept.starts.size
-        total = total_sigma_px(self.sigma_px[self.kept], residuals(self.state, kept), unknowns)
-        weighted = kept if total is None else kept.weighted(total)
-        found = descend(self.state, weighted, columns)
-        if found.failure:
-            raise SolveError(f"solve: {found.failure}. {worst_view(view_rms(found.state, kept), self.detections, free)}")
-        return replace(self, state=found.state), weighted
+        """Descend to the minimum of the kept corners, each with its own weight where these are known.
+
+        What the corners have in common is only seen where the exact ones have had their say, so it is worked out again.
+        """
+        kept, sigma_px, state = self.seen.only(self.kept), self.sigma_px[self.kept], self.state
+        before = np.zeros(1)
+        for _ in range(_MOST_WEIGHINGS):
+            total = total_sigma_px(sigma_px, residuals(state, kept), columns.size + 6 * kept.starts.size)
+            weighted = kept if total is None else kept.weighted(total)
+            found = descend(state, weighted, columns)
+            if found.failure:
+                advice = worst_view(view_rms(found.state, kept), self.detections, free)
+                raise SolveError(f"solve: {found.failure}. {advice}")
+            state = found.state
+            if total is None or (np.abs(total - before) <= _SAME_WEIGHT * total).all():
+                break
+            before = total
+        return replace(self, state=state), weighted
 
     def without(self, view: int) -> _Round:
         """Return the round without one view."""
