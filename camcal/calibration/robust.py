@@ -13,7 +13,6 @@ from camcal.calibration.advice import worst_view
 from camcal.calibration.finish import descend
 from camcal.calibration.normal_equations import Observations, State, residuals, view_rms
 from camcal.calibration.outliers import belonging, distances_in_sigmas, worst_misfit
-from camcal.calibration.softened import softened
 from camcal.calibration.views import FEWEST_VIEWS
 from camcal.calibration.weights import total_sigma_px
 from camcal.errors import SolveError
@@ -92,11 +91,6 @@ class _Round:
     kept: BoolArray
 
     @property
-    def known(self) -> tuple[State, Observations, FloatArray, BoolArray]:
-        """What a corner is judged by: the state, all corners, their standard deviations, and which were kept."""
-        return self.state, self.seen, self.sigma_px, self.kept
-
-    @property
     def sigma_px(self) -> FloatArray:
         """Standard deviation (M,) of every corner; NaN where it is not known."""
         return np.concatenate([detection.sigma_px for detection in self.detections])
@@ -131,40 +125,29 @@ class _Round:
 
 def _without_outliers(start: _Round, columns: IntArray, free: tuple[str, ...], *, drop_views: bool) -> Fit:
     """Solve, choose the corners that belong, and solve again until the choice stands."""
-    most_misfits = _LARGEST_SHARE_OF_VIEWS * len(start.detections)
-    current = replace(start, state=softened(start.state, start.seen, start.sigma_px, columns))
+    current, weighted = start.solved(columns, free)
     misfits: list[Rejected] = []
     outliers: list[Outlier] = []
-
-    def drop(worst: int) -> _Round:
-        misfits.append(_misfit(current, worst))
-        outliers.extend(_outliers(current, current.seen.view == worst))
-        return current.without(worst)
-
-    # At the softened minimum a view stands out by itself; at a least-squares one a single corner far off bends its pose,
-    # and only without that corner is the view judged as a whole.
-    while drop_views and (worst := _worst(current)) is not None and len(misfits) <= most_misfits:
-        current = drop(worst)
-    current = replace(current, kept=belonging(*current.known))
-    current, weighted = current.solved(columns, free)
     rounds = 0
-    while len(misfits) <= most_misfits:
-        chosen = belonging(*current.known) if rounds < _MOST_ROUNDS else current.kept
+    while True:
+        known = current.state, current.seen, current.sigma_px, current.kept
+        chosen = belonging(*known) if rounds < _MOST_ROUNDS else current.kept
         if (chosen != current.kept).any():
             rounds += 1
             current = replace(current, kept=chosen)
-        elif drop_views and (worst := _worst(current)) is not None:
-            current = drop(worst)
         else:
-            break
+            # A single corner far off bends the pose of its view: only without it is the view judged as a whole.
+            worst = worst_misfit(*known) if drop_views and len(current.detections) > FEWEST_VIEWS else None
+            if worst is None:
+                break
+            misfits.append(_misfit(current, worst))
+            outliers.extend(_outliers(current, current.seen.view == worst))
+            current = current.without(worst)
+            if len(misfits) > _LARGEST_SHARE_OF_VIEWS * len(start.detections):
+                break
         current, weighted = current.solved(columns, free)
     detections = [seen.take(keep) for seen, keep in zip(current.detections, _by_view(current.kept, current), strict=True)]
     return Fit(current.state, weighted, tuple(detections), (*outliers, *_outliers(current, ~current.kept)), tuple(misfits))
-
-
-def _worst(current: _Round) -> int | None:
-    """Find the view that belongs least, if one does not and enough would be left."""
-    return worst_misfit(*current.known) if len(current.detections) > FEWEST_VIEWS else None
 
 
 def _by_view(values: NDArray[Any], current: _Round) -> list[NDArray[Any]]:

@@ -31,7 +31,7 @@ _MOST_REPOSINGS = 4
 def lowest_minimum(
     detections: Sequence[Detection], object_points: FloatArray, seen: Observations, free: tuple[str, ...]
 ) -> State:
-    """Find the camera and the poses that fit the corners best, as far as a descent gets.
+    """Find the camera and the poses that fit the corners best.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def lowest_minimum(
     Raises
     ------
     SolveError
-        If every start ends with a board behind the camera; it names the view that fits worst.
+        If no start leads to a minimum; it names the view that fits worst.
     """
     found: list[Descent] = []
     # Trial steps far from any camera may overflow; their cost is infinite then, and they are not taken.
@@ -60,9 +60,8 @@ def lowest_minimum(
             found.append(_descend_in_stages(start, seen, stages))
             if not _suspicious(found[-1], seen):
                 break
-    best = min(found, key=lambda descent: (not np.isfinite(descent.cost), bool(descent.failure), descent.cost))
-    # A view of garbage may keep a descent creeping for ever: what does not belong is found out from where it got to.
-    if not np.isfinite(best.cost):
+    best = min(found, key=lambda descent: (bool(descent.failure), descent.cost))
+    if best.failure:
         raise SolveError(f"solve: {best.failure}. {worst_view(view_rms(best.state, seen), detections, free)}")
     return best.state
 
