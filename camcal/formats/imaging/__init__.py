@@ -1,1 +1,0 @@
-"""Image files from the inside: headers, pixels, and the metadata beside them."""

@@ -1,1 +1,0 @@
-"""Videos read, and written beside the sound and whatever else belongs to them, through libav."""
