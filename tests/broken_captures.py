@@ -113,19 +113,19 @@ SWAPPED = "rows and columns are swapped"
 def rows_for_columns(seed: int) -> Capture:
     """Corners of a 6x9 board, numbered along its rows of 6, are given as those of a 9x6 board."""
     other = Checkerboard(6, 9, BOARD.square_m)
-    return Capture(see(ordinary_poses(COUNT, seed, board=other), seed, board=other))
+    return Capture(see(ordinary_poses(10, seed, board=other), seed, board=other))
 
 
 @case(MADE, "rows_columns_swapped", refused=SWAPPED)
 def rows_for_columns_of_an_aprilgrid(seed: int) -> Capture:
     """A corner file of a grid of 6x5 tags is solved as one of 5x6."""
-    return Capture(see(ordinary_poses(COUNT, seed, board=GRID), seed, board=GRID), board=replace(GRID, columns=5, rows=6).spec)
+    return Capture(see(ordinary_poses(8, seed, board=GRID), seed, board=GRID), board=replace(GRID, columns=5, rows=6).spec)
 
 
 @case(MADE, "large_rms", refused=r"SPEC")
 def squares_for_corners_in_a_corner_file(seed: int) -> Capture:
     """54 corners of a 9x6 board are numbered through, and the SPEC counts its 10x7 squares."""
-    return Capture(see(ordinary_poses(COUNT, seed), seed), board="checkerboard:10x7:25mm")
+    return Capture(see(ordinary_poses(10, seed), seed), board="checkerboard:10x7:25mm")
 
 
 @case(MADE, refused="mirrored")
@@ -421,7 +421,7 @@ WIDE = Camera(CAMERA.size, [[600, 0, 651], [0, 601, 489], [0, 0, 1]], [-0.24, 0.
 def fisheye(seed: int) -> Capture:
     """An equidistant lens of 160 degrees, boards out to 80 degrees from the axis."""
     eye = Equidistant(CAMERA.size, 420.0, (640.0, 480.0))
-    return Capture(see(placed_poses(24, seed, eye, distance_m=(0.12, 0.3)), seed, eye))
+    return Capture(see(placed_poses(12, seed, eye, distance_m=(0.12, 0.3)), seed, eye))
 
 
 @case(MADE, "lens_too_simple")
@@ -525,7 +525,7 @@ def two_grids_mixed(seed: int) -> Capture:
 # How well the corners were found
 
 
-@case(MADE, "coarse_corners", "uncertain", "unsupported_coefficient", "structured_residuals")
+@case(MADE, "coarse_corners")
 def whole_pixels(seed: int) -> Capture:
     """Somebody rounded the corners to whole pixels."""
     views = see(ordinary_poses(10, seed), seed)
@@ -599,14 +599,14 @@ def another_kind_of_board(seed: int, folder: Path) -> Capture:
     return Capture(images=stored(shots("checkerboard", seed)[:4], folder), board=GRID.spec)
 
 
-@case(RENDERED, "blurred_views")
+@case(RENDERED, "blurred_views", words=ANY_WORD)
 def some_views_shaken(seed: int, folder: Path) -> Capture:
     """A third of the images are blurred by a motion of 9 pixels."""
     images = shots("checkerboard", seed)
     return Capture(images=stored([shaken(image, 9) if i % 3 == 0 else image for i, image in enumerate(images)], folder))
 
 
-@case(RENDERED, "blurred_views")
+@case(RENDERED, "blurred_views", words=ANY_WORD)
 def every_view_shaken(seed: int, folder: Path) -> Capture:
     """Every image is blurred by a motion of 9 pixels, across or down."""
     images = shots("checkerboard", seed)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import os
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 import cv2
@@ -13,6 +16,9 @@ from PIL import Image as Pillow
 
 from camcal.errors import InputError
 from camcal.formats.images import EXTENSIONS, find_images, read_gray, read_image, write_image
+from camcal.formats.imaging.header import image_format, image_size
+from camcal.formats.imaging.jpeg_header import jpeg_header
+from camcal.formats.imaging.pixels import quiet
 
 RNG = np.random.default_rng(0)
 # Smooth, so that no codec has to give up on it.
@@ -265,6 +271,86 @@ def test_a_thumbnail_does_not_hide_that_a_photo_is_cut_off(tmp_path: Path) -> No
     path.write_bytes(content[:2] + segment + content[2:-50])
     with pytest.raises(InputError, match="truncated"):
         find_images([path])
+
+
+@pytest.mark.parametrize("extension", sorted(EXTENSIONS))
+def test_size_is_known_before_decoding(extension: str) -> None:
+    """From the header of every format that is read; of half a header, nothing or the same."""
+    content = cv2.imencode(extension, ENCODED.get(extension, PICTURE))[1].tobytes()
+    assert image_format(content) is not None
+    assert image_size(content) == (60, 40)
+    for length in (1, 5, 12, 17, 25):
+        assert image_size(content[:length]) in {None, (60, 40)}
+
+
+@pytest.mark.parametrize("size", [(1, 1), (300, 2), (16383, 1), (2, 16383)])
+@pytest.mark.parametrize("options", [{"lossless": True}, {"quality": 80}])
+def test_size_of_webp(size: tuple[int, int], options: dict[str, object]) -> None:
+    """Both kinds of WebP, with and without the chunk that metadata need, up to the largest sides."""
+    for more in ({}, {"exif": Pillow.Exif().tobytes()}):
+        stream = io.BytesIO()
+        Pillow.new("RGB", size).save(stream, "WEBP", **options, **more)
+        assert image_size(stream.getvalue()) == size
+
+
+@pytest.mark.parametrize(
+    ("content", "size"),
+    [
+        (b"P6\n# a comment\n 7\t8\n255\n", (7, 8)),
+        (b"P7\nWIDTH 7\nHEIGHT 8\nDEPTH 1\nMAXVAL 255\nENDHDR\n", (7, 8)),
+        (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8 +X 7\n", (7, 8)),
+        (b"BM" + bytes(16) + (7).to_bytes(4, "little") + (-8).to_bytes(4, "little", signed=True), (7, 8)),
+        (b"P6\nseven 8\n255\n", None),
+        (b"\x89PNG\r\n\x1a\n" + bytes(30), None),
+        (b"\xff\xd8\xff\xd9", None),
+        (b"II*\0\xff\xff\xff\xff", None),
+        (b"no image at all", None),
+    ],
+)
+def test_sizes_in_odd_headers(content: bytes, size: tuple[int, int] | None) -> None:
+    """Comments in a PPM, a BMP from top to bottom, and headers that are not what they seem."""
+    assert image_size(content) == size
+
+
+@pytest.mark.parametrize("read", [read_image, read_gray])
+def test_too_many_pixels_are_refused(tmp_path: Path, read: Callable[..., np.ndarray]) -> None:
+    """Before decoding: the file is cut off behind its header, and the message is about the pixels."""
+    path = tmp_path / "a.ppm"
+    path.write_bytes(b"P6\n30000 20000\n255\n")
+    with pytest.raises(InputError, match=r"a.ppm: too many pixels \(got 30000x20000, expected at most 400 million\)"):
+        read(path)
+    path.write_bytes(cv2.imencode(".ppm", PICTURE)[1].tobytes())
+    assert read(path, most_pixels=2400).shape[:2] == (40, 60)
+    with pytest.raises(InputError, match="too many pixels"):
+        read(path, most_pixels=2399)
+
+
+@pytest.mark.parametrize("extension", [".png", ".jp2", ".webp", ".tiff"])
+def test_formats_with_a_choice_are_written_without_loss(tmp_path: Path, extension: str) -> None:
+    """OpenCV's own defaults for JPEG 2000 and WebP lose something."""
+    write_image(tmp_path / f"a{extension}", PICTURE)
+    np.testing.assert_array_equal(read_image(tmp_path / f"a{extension}"), PICTURE)
+
+
+@pytest.mark.parametrize("quality", range(1, 101))
+def test_quality_of_a_jpeg_is_known(quality: int) -> None:
+    """The lowest at which libjpeg's steps are as fine: its own figure, or a lower one with the same tables."""
+    content = cv2.imencode(".jpg", PICTURE, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+    found = jpeg_header(content).quality
+    again = cv2.imencode(".jpg", PICTURE, [cv2.IMWRITE_JPEG_QUALITY, found])[1].tobytes()
+    assert found <= quality
+    assert again == content
+
+
+def test_log_level_survives_overlapping_threads() -> None:
+    """Of two blocks, the one that began first ends first: the level returns when both are over."""
+    level = cv2.utils.logging.getLogLevel()
+    with ExitStack() as first, ExitStack() as second:
+        first.enter_context(quiet())
+        second.enter_context(quiet())
+        first.close()
+        assert cv2.utils.logging.getLogLevel() == cv2.utils.logging.LOG_LEVEL_SILENT
+    assert cv2.utils.logging.getLogLevel() == level
 
 
 def test_log_level_of_opencv_is_left_as_it_was(tmp_path: Path) -> None:

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 import camcal
+from camcal.formats.camera_quick import read_quickly
 from camcal.formats.output import write_atomically
 from camcal.formats.text import file_in
 from camcal.formats.versions import CAMERA_FORMAT_VERSION
-from camcal.formats.yaml_dump import dump_yaml
+from camcal.formats.yaml_plain import plain_yaml
 from camcal.geometry.arrays import FloatArray
 from camcal.observations import ImageSigma, Intrinsics, Uncertainty
 
@@ -60,10 +61,14 @@ def load_intrinsics(path: str | Path) -> Intrinsics:
     InputError
         If it cannot be used; says `file:line: key: problem`.
     """
-    # pydantic takes its time to import; a command that only writes does without it.
+    file = file_in(path, CAMERA_FILE_NAME)
+    known = read_quickly(file)
+    if known is not None:
+        return known
+    # pydantic takes its time to import: only for files of other tools, and to say what is wrong with one.
     from camcal.formats.camera_schema import read_intrinsics
 
-    return read_intrinsics(file_in(path, CAMERA_FILE_NAME))
+    return read_intrinsics(file)
 
 
 def camera_yaml(intrinsics: Intrinsics) -> str:
@@ -93,6 +98,11 @@ def camera_yaml(intrinsics: Intrinsics) -> str:
             **_judgement(intrinsics),
         },
     }
+    plain = plain_yaml(content, _HEADING)
+    if plain is not None:
+        return plain
+    from camcal.formats.yaml_dump import dump_yaml
+
     return dump_yaml(content, _HEADING)
 
 

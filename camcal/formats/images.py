@@ -5,18 +5,17 @@ from __future__ import annotations
 import glob
 import os
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
-import numpy as np
 
 from camcal.errors import InputError
-from camcal.formats.image_bytes import has_image_signature, image_defect, without_tiff_orientation
+from camcal.formats.imaging.header import MOST_PIXELS
+from camcal.formats.imaging.pixels import AS_STORED, check_content, decode, encode
 from camcal.formats.output import write_atomically
-from camcal.formats.text import read_bytes, shown, unreadable
+from camcal.formats.text import read_bytes, unreadable
 from camcal.observations import Image
 
 EXTENSIONS = frozenset(
@@ -29,20 +28,6 @@ EXTENSIONS = frozenset(
 """Extensions, in lower case, of the image files that OpenCV's wheel reads."""
 
 _GREY_FLAGS = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
-_PIXEL_TYPES = ("uint8", "uint16", "float32")
-# Pixel types and numbers of channels that a format stores as they are.
-_INTEGER_TYPES = ("uint8", "uint16")
-_STORES: dict[str, tuple[tuple[str, ...], tuple[int, ...]]] = {
-    **dict.fromkeys((".jpg", ".jpeg", ".jpe"), (("uint8",), (1, 3))),
-    **dict.fromkeys((".bmp", ".dib"), (("uint8",), (1, 3, 4))),
-    ".png": (_INTEGER_TYPES, (1, 3, 4)),
-    ".webp": (("uint8",), (3, 4)),
-    ".jp2": (_INTEGER_TYPES, (1, 3)),
-    **dict.fromkeys((".tif", ".tiff"), (_PIXEL_TYPES, (1, 3, 4))),
-    ".pgm": (_INTEGER_TYPES, (1,)),
-    ".ppm": (_INTEGER_TYPES, (3,)),
-    ".pfm": (("float32",), (1, 3)),
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,12 +96,14 @@ def find_images(inputs: Sequence[str | Path]) -> FoundImages:
     return FoundImages(tuple(sorted(images, key=lambda image: image.name)), tuple(sorted(others)))
 
 
-def read_image(path: str | Path) -> Image:
+def read_image(path: str | Path, most_pixels: int = MOST_PIXELS) -> Image:
     """Read an image as it is stored: no EXIF rotation, depth and channels kept (BGR order).
 
     Parameters
     ----------
     path : str or Path
+    most_pixels : int
+        Refuse a bigger image before it is decoded.
 
     Returns
     -------
@@ -126,17 +113,19 @@ def read_image(path: str | Path) -> Image:
     Raises
     ------
     InputError
-        If the file is missing, empty, truncated, damaged, no image, or has another kind of pixels.
+        If the file is missing, empty, truncated, damaged, no image, too big, or has another kind of pixels.
     """
-    return _checked(path, _decode(path, read_bytes(path), cv2.IMREAD_UNCHANGED))
+    return decode(path, read_bytes(path), AS_STORED, most_pixels)
 
 
-def read_gray(path: str | Path) -> Image:
+def read_gray(path: str | Path, most_pixels: int = MOST_PIXELS) -> Image:
     """Read an image as one channel: no EXIF rotation, depth kept.
 
     Parameters
     ----------
     path : str or Path
+    most_pixels : int
+        Refuse a bigger image before it is decoded.
 
     Returns
     -------
@@ -150,10 +139,10 @@ def read_gray(path: str | Path) -> Image:
     """
     content = read_bytes(path)
     try:
-        return _checked(path, _decode(path, content, _GREY_FLAGS))
+        return decode(path, content, _GREY_FLAGS, most_pixels)
     except InputError:
         # OpenCV does not turn every kind of pixels grey while it decodes.
-        image = _checked(path, _decode(path, content, cv2.IMREAD_UNCHANGED))
+        image = decode(path, content, AS_STORED, most_pixels)
     if image.ndim == 2:
         return image
     return cv2.cvtColor(image, cv2.COLOR_BGRA2GRAY if image.shape[2] == 4 else cv2.COLOR_BGR2GRAY)
@@ -174,20 +163,7 @@ def write_image(path: str | Path, image: Image) -> None:
     InputError
         If the format is not known or cannot hold such pixels as they are, or the file cannot be written.
     """
-    extension = Path(path).suffix.lower()
-    if extension not in _STORES:
-        raise InputError(f"{path}: not a format to write (got '{extension}', expected one of {', '.join(_STORES)})")
-    channels = 1 if image.ndim == 2 else image.shape[2]
-    types, counts = _STORES[extension]
-    if image.dtype.name not in types or channels not in counts:
-        expected = f"{' or '.join(types)} with {' or '.join(map(str, counts))} channels"
-        got = f"{image.dtype.name} with {channels}"
-        raise InputError(f"{path}: pixels that {extension} cannot hold (got {got}, expected {expected}). Write .tiff instead.")
-    with _quiet():
-        done, encoded = cv2.imencode(extension, image)
-    if not done:
-        raise InputError(f"{path}: cannot be encoded (got {image.shape[1]}x{image.shape[0]} pixels). Choose another format.")
-    write_atomically(path, encoded.tobytes())
+    write_atomically(path, encode(path, image))
 
 
 def _expand(given: str | Path) -> list[tuple[Path, bool]]:
@@ -215,10 +191,7 @@ def _check_named(path: Path) -> None:
     """Refuse a named file that is missing, empty or no image, before any work is done."""
     if path.exists() and path.suffix.lower() not in EXTENSIONS:
         raise InputError(f"{path}: not an image (got '{path.suffix}', expected an extension such as .png, .jpg or .tif)")
-    content = read_bytes(path)
-    if not has_image_signature(content):
-        raise _not_an_image(path, content)
-    _refuse_defect(path, content)
+    check_content(path, read_bytes(path))
 
 
 def _looks_like_image(path: Path) -> bool:
@@ -250,49 +223,3 @@ def _hint(folder: Path, files: Sequence[Path]) -> str:
         return f"but there are some in {below[0]}/"
     counts = Counter(file.suffix.lower() or "no extension" for file in files)
     return ", ".join(f"{count} of {kind}" for kind, count in counts.most_common(3)) or "it is empty"
-
-
-def _decode(path: str | Path, content: bytes, flags: int) -> Image | None:
-    """Decode an encoded image; from memory OpenCV refuses a truncated one, which from a file it would fill up with grey."""
-    _refuse_defect(path, content)
-    try:
-        with _quiet():
-            return cv2.imdecode(np.frombuffer(without_tiff_orientation(content), dtype=np.uint8), flags)
-    except cv2.error as error:
-        raise InputError(f"{path}: cannot be decoded ({' '.join(str(error.err).split())}). Convert or copy it again.") from None
-
-
-def _checked(path: str | Path, image: Image | None) -> Image:
-    """Refuse what could not be decoded and pixels that nothing here computes with."""
-    if image is None:
-        content = read_bytes(path)
-        if not has_image_signature(content):
-            raise _not_an_image(path, content)
-        raise InputError(f"{path}: truncated or damaged image ({len(content)} bytes). Copy it again.")
-    if image.dtype.name not in _PIXEL_TYPES:
-        raise InputError(
-            f"{path}: unsupported pixels (got {image.dtype.name}, expected {' or '.join(_PIXEL_TYPES)}). Convert it."
-        )
-    return image
-
-
-def _refuse_defect(path: str | Path, content: bytes) -> None:
-    """Raise for what is seen to be wrong without decoding."""
-    defect = image_defect(content)
-    if defect:
-        raise InputError(f"{path}: {defect}. Copy it again.")
-
-
-def _not_an_image(path: str | Path, content: bytes) -> InputError:
-    return InputError(f"{path}: not an image (its first bytes are {shown(content[:8])}). Convert it to PNG or JPEG.")
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep OpenCV from logging what is raised as an error anyway."""
-    level = cv2.utils.logging.getLogLevel()
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    try:
-        yield
-    finally:
-        cv2.utils.logging.setLogLevel(level)

@@ -1,101 +1,132 @@
-"""Maps that take the lens out: for every pixel of the undistorted image, where to look in the source."""
+"""Maps between the images of two cameras that look the same way: for every pixel of one, where to look in the other.
+
+A map is a few exact nodes per tile; their float32 coordinates are worked out when a tile is resampled, which costs a
+fraction of the resampling. So a map is small, ready at once, and never stands in memory as two images of floats.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
-from camcal.geometry.arrays import BoolArray
+from camcal.geometry.arrays import FloatArray, frozen_floats
 from camcal.geometry.camera import Camera
-from camcal.observations import Image
+from camcal.undistortion.lattice import SAMPLES, samples_per_pixel
+from camcal.undistortion.resample import undistort_image
+from camcal.undistortion.tiles import OUTSIDE_PX, FloatMap, Tile, make_tiles
 
-_ROWS_AT_ONCE = 256
+__all__ = ["OUTSIDE_PX", "RIM_PX", "UndistortMap", "dense_map", "distort_map", "undistort_image", "undistort_map", "valid_mask"]
+
+RIM_PX = 1e-3
+"""How far past the source's outermost pixel centres a pixel still looks at them: more than rounding, and nothing to see."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UndistortMap:
-    """Where each pixel of the undistorted image comes from.
+    """Where each pixel of the target looks in the source.
 
     Attributes
     ----------
-    camera : Camera
-        The camera that took the source.
+    source : Camera
+        The camera of the image that is resampled.
     target : Camera
-        The camera of the undistorted image.
-    map_x, map_y : ndarray of shape (height, width)
-        float32 source pixel of each target pixel; -1e6 where it sees nothing.
-    valid : ndarray of shape (height, width)
-        Whether the pixel sees the source.
+        The camera of the image that results.
+    samples : int
+        Samples per pixel of the target along x and y (1, 2, 4 ...), which are averaged.
+    low_px, high_px : ndarray of shape (2,)
+        Source coordinates between which a sample is valid.
+    tiles : tuple of Tile
+        They cover the target's samples.
     """
 
-    camera: Camera
+    source: Camera
     target: Camera
-    map_x: npt.NDArray[np.float32]
-    map_y: npt.NDArray[np.float32]
-    valid: BoolArray
+    samples: int
+    low_px: FloatArray
+    high_px: FloatArray
+    tiles: tuple[Tile, ...]
 
 
-def undistort_map(camera: Camera, target: Camera) -> UndistortMap:
-    """Compute the map from a target camera to the source.
+def undistort_map(camera: Camera, target: Camera, *, samples: int | None = None, rim_px: float = RIM_PX) -> UndistortMap:
+    """Find for each pixel of the undistorted image where to look in the source.
+
+    A pixel is valid if its ray falls between the source's outermost pixel centres and the lens has not folded: all that
+    linear interpolation reads lies inside the source then. Wider kernels mirror the source at its outermost pixels.
 
     Parameters
     ----------
     camera : Camera
         The camera that took the source.
     target : Camera
-        The camera to render for, looking the same way.
-    """
-    width, height = target.size
-    map_x, map_y = np.empty((height, width), np.float32), np.empty((height, width), np.float32)
-    valid = np.empty((height, width), bool)
-    columns = np.arange(width, dtype=np.float64)
-    for top in range(0, height, _ROWS_AT_ONCE):
-        rows = np.arange(top, min(top + _ROWS_AT_ONCE, height), dtype=np.float64)
-        pixels = np.stack(np.meshgrid(columns, rows), axis=-1)
-        source = camera.project(target.unproject(pixels))
-        inside = camera.contains(source, margin_px=0.5 - 1e-6)
-        band = slice(top, top + rows.size)
-        valid[band] = inside
-        source[~inside] = -1e6
-        map_x[band], map_y[band] = source[..., 0], source[..., 1]
-    return UndistortMap(camera, target, map_x, map_y, valid)
-
-
-def undistort_image(image: Image, undistort: UndistortMap, *, fill: float = 0.0) -> Image:
-    """Resample an image through a map, by linear interpolation.
-
-    Parameters
-    ----------
-    image : ndarray of shape (height, width) or (height, width, channels)
-        uint8, uint16 or float32, of the source camera's size.
-    undistort : UndistortMap
-    fill : float
-        Value of pixels that see nothing.
+        The camera to render for, looking the same way; any camera will do, one with a lens too.
+    samples : int, optional
+        Samples per pixel along x and y: 1, 2, 4, 8 or 16. By default as many as keep a smaller image from aliasing: 1
+        unless a pixel of the target covers more than 1.5 pixels of the source (judged by the focal lengths).
+    rim_px : float
+        How far past the source's outermost pixel centres a pixel still counts as valid.
 
     Returns
     -------
-    ndarray
-        The undistorted image, of the target's size and the source's depth and channels.
-
-    Raises
-    ------
-    ValueError
-        If the image is not of the source camera's size.
+    UndistortMap
+        Its coordinates agree with `camera.project(target.unproject(pixel))` to 2e-4 pixels.
     """
-    height, width = image.shape[:2]
-    if (width, height) != undistort.camera.size:
-        raise ValueError(f"image: wrong size (got {width}x{height}, expected {undistort.camera.size})")
-    border = (fill,) * 4
-    result: Image = cv2.remap(
-        image,
-        undistort.map_x,
-        undistort.map_y,
-        cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_CONSTANT,
-        borderValue=border,
-    )
-    result[~undistort.valid] = fill
-    return result
+    per_pixel = samples_per_pixel(camera, target) if samples is None else samples
+    if per_pixel not in SAMPLES:
+        raise ValueError(f"samples: not a number of samples per pixel (got {samples}, expected one of {SAMPLES})")
+    low = frozen_floats([-rim_px, -rim_px], (2,), "low_px")
+    high = frozen_floats([camera.size[0] - 1 + rim_px, camera.size[1] - 1 + rim_px], (2,), "high_px")
+    width, height = target.size
+    sampled = target if per_pixel == 1 else target.scaled((width * per_pixel, height * per_pixel))
+    return UndistortMap(camera, target, per_pixel, low, high, make_tiles(camera, sampled, low, high))
+
+
+def distort_map(camera: Camera, ideal: Camera, *, samples: int | None = None) -> UndistortMap:
+    """Find for each pixel of the image that a camera would take where to look in an image without its lens.
+
+    Parameters
+    ----------
+    camera : Camera
+        The camera whose lens is added.
+    ideal : Camera
+        The camera of the image at hand, usually a pinhole.
+    samples : int, optional
+        As for `undistort_map`.
+    """
+    return undistort_map(ideal, camera, samples=samples)
+
+
+def dense_map(undistort: UndistortMap) -> tuple[FloatMap, FloatMap]:
+    """Write out a map as `cv2.remap` takes it.
+
+    Returns
+    -------
+    map_x, map_y : ndarray of shape (height, width)
+        float32 source coordinates of the centre of each pixel of the target; `OUTSIDE_PX` where it is not valid.
+    """
+    if undistort.samples != 1:
+        undistort = undistort_map(undistort.source, undistort.target, samples=1, rim_px=-float(undistort.low_px[0]))
+    width, height = undistort.target.size
+    dense = np.full((2, height, width), OUTSIDE_PX, np.float32)
+    for tile in undistort.tiles:
+        if not tile.sees_nothing:
+            xy = tile.coordinates()
+            valid = tile.is_valid(xy, undistort.low_px, undistort.high_px)
+            block = dense[:, tile.top : tile.top + tile.height, tile.left : tile.left + tile.width]
+            np.copyto(block, xy + np.array(tile.window[:2], np.float32)[:, None, None], where=valid)
+    return dense[0], dense[1]
+
+
+def valid_mask(undistort: UndistortMap) -> npt.NDArray[np.uint8]:
+    """Tell which pixels of the target see the source, all their samples: shape (height, width), 255 where they do, else 0."""
+    width, height = undistort.target.size
+    n = undistort.samples
+    mask = np.zeros((height * n, width * n), np.uint8)
+    for tile in undistort.tiles:
+        if not tile.sees_nothing:
+            block = mask[tile.top : tile.top + tile.height, tile.left : tile.left + tile.width]
+            block[...] = 255 * (tile.whole | tile.is_valid(tile.coordinates(), undistort.low_px, undistort.high_px))
+    if n > 1:
+        mask = mask.reshape(height, n, width, n).min(axis=(1, 3))
+    return mask

@@ -9,128 +9,107 @@ from __future__ import annotations
 import numpy as np
 
 from camcal.errors import InputError
-from camcal.geometry.arrays import BoolArray, FloatArray
+from camcal.geometry.arrays import FloatArray
 from camcal.geometry.camera import Camera
+from camcal.undistortion.crop import cropped_to_valid
+from camcal.undistortion.frames import covering_frame, largest_frame, region_border
+from camcal.undistortion.lattice import samples_per_pixel
 
-_FOLD_SAMPLES = 2000
-_SEARCH_SAMPLES = 48
-_SEARCH_HALVINGS = 16
-_SEARCH_ROUNDS = 16
-_FINAL_HALVINGS = 48
-# Where the frame can slide without growing, it stays near the middle: a smaller gain is no reason to move.
-_WORTH_MOVING = 1.001
-_WIDEST_TANGENT = np.tan(np.radians(80.0))
-"""Half the widest field of view that a flat image is given: beyond it a pinhole is all stretch and no picture."""
+LARGEST_SIDE = 65_535
+"""Pixels along a side that an undistorted image may have: what a JPEG can hold."""
 
 
-def target_camera(camera: Camera, alpha: float = 0.0) -> Camera:
-    """Choose the pinhole camera of the undistorted image, of the same image size.
+def target_camera(
+    camera: Camera,
+    alpha: float = 0.0,
+    *,
+    fov_deg: float | None = None,
+    size: tuple[int, int] | None = None,
+    scale: float = 1.0,
+    crop: str = "none",
+) -> Camera:
+    """Choose the pinhole camera of the undistorted image.
+
+    First comes the image size (`size`, or the camera's size times `scale`), then the frame (`fov_deg`, or else `alpha`),
+    and last the crop, which leaves the pixels as they are.
 
     Parameters
     ----------
     camera : Camera
         The camera that took the image.
     alpha : float
-        0 (every pixel of the result sees the source) to 1 (every pixel of the source is in the result); in between,
-        the frame is interpolated.
+        0 (every pixel of the result sees the source) to 1 (every pixel of the source is in the result, as far as it looks no
+        more than 80° to the side, up or down); in between, the frame is interpolated.
+    fov_deg : float, optional
+        Horizontal field of view of the result between its outer edges, degrees; the optical axis is in the middle.
+    size : tuple of int, optional
+        (width, height) of the result in pixels; the camera's by default.
+    scale : float
+        Factor by which the result is larger than the camera's image.
+    crop : str
+        "none", or "valid": only the largest rectangle in which every pixel sees the source.
 
     Returns
     -------
     Camera
-        Without distortion and skew.
+        Without distortion and skew. A camera that has neither is its own target.
 
     Raises
     ------
     InputError
-        If alpha is outside 0..1, or the lens leaves no valid pixel around the principal point.
+        If a value is out of range, two of them contradict each other, or the lens leaves nothing valid to show.
     """
+    _check(alpha, fov_deg, size, scale, crop)
+    result_size = size or (round(camera.size[0] * scale), round(camera.size[1] * scale))
+    if min(result_size) < 2 or max(result_size) > LARGEST_SIDE:
+        given = "--size" if size else "--scale"
+        raise InputError(f"{given}: no image size (got {result_size[0]}x{result_size[1]}, expected 2 to {LARGEST_SIDE} each).")
+    if fov_deg is not None:
+        target = _of_field_of_view(camera, fov_deg, result_size)
+    elif result_size == camera.size and not camera.dist.any() and camera.K[0, 1] == 0:
+        target = camera
+    else:
+        target = _of_alpha(camera, alpha, result_size, by_edges=False)
+        if samples_per_pixel(camera, target) > 1:
+            target = _of_alpha(camera, alpha, result_size, by_edges=True)
+    return cropped_to_valid(camera, target) if crop == "valid" else target
+
+
+def _check(alpha: float, fov_deg: float | None, size: tuple[int, int] | None, scale: float, crop: str) -> None:
+    """Refuse values out of range and contradictions."""
     if not 0 <= alpha <= 1:
         raise InputError(f"--alpha: out of range (got {alpha:g}, expected 0 to 1).")
-    if not camera.dist.any() and camera.K[0, 1] == 0:
-        return camera
-    half = np.array([(camera.size[0] - 1) / (2 * camera.K[0, 0]), (camera.size[1] - 1) / (2 * camera.K[1, 1])])
-    inner_centre, inner_scale = _largest_valid_frame(camera, half)
-    if alpha == 0:
-        return _framed(camera, inner_centre, inner_scale * half)
-    outer_centre, outer_scale = _smallest_covering_frame(camera, half)
-    centre = (1 - alpha) * inner_centre + alpha * outer_centre
-    scale = (1 - alpha) * inner_scale + alpha * outer_scale
-    return _framed(camera, centre, scale * half)
+    if fov_deg is not None and not 0 < fov_deg < 180:
+        raise InputError(f"--fov: out of range (got {fov_deg:g}, expected more than 0 and less than 180 degrees).")
+    if not 0 < scale < float("inf"):
+        raise InputError(f"--scale: out of range (got {scale:g}, expected a positive factor).")
+    if crop not in ("none", "valid"):
+        raise InputError(f"--crop: unknown (got {crop}, expected none or valid).")
+    if fov_deg is not None and alpha != 0:
+        raise InputError(f"--fov and --alpha: both say how much is shown (got {fov_deg:g} and {alpha:g}). Give one of them.")
+    if size is not None and scale != 1:
+        raise InputError(f"--size and --scale: both say how large the result is (got {size} and {scale:g}). Give one of them.")
 
 
-def _framed(camera: Camera, centre: FloatArray, half: FloatArray) -> Camera:
-    """Return the pinhole whose outermost pixel centres see centre ± half (normalised coordinates)."""
-    width, height = camera.size
-    fx, fy = (width - 1) / (2 * half[0]), (height - 1) / (2 * half[1])
-    cx, cy = (width - 1) / 2 - fx * centre[0], (height - 1) / 2 - fy * centre[1]
-    return Camera(camera.size, [[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+def _of_field_of_view(camera: Camera, fov_deg: float, size: tuple[int, int]) -> Camera:
+    """Return the pinhole of the given horizontal field of view."""
+    fx = size[0] / (2 * np.tan(np.radians(fov_deg) / 2))
+    fy = fx * camera.K[1, 1] / camera.K[0, 0]
+    return Camera(size, [[fx, 0, (size[0] - 1) / 2], [0, fy, (size[1] - 1) / 2], [0, 0, 1]])
 
 
-def _border(columns: int, rows: int) -> FloatArray:
-    """Points (2 columns + 2 rows, 2) around the square [-1, 1]², corners included."""
-    x, y = np.linspace(-1, 1, columns), np.linspace(-1, 1, rows)
-    sides = [(x, np.full(columns, -1)), (x, np.ones(columns)), (np.full(rows, -1), y), (np.ones(rows), y)]
-    return np.concatenate([np.stack(side, axis=-1) for side in sides])
+def _of_alpha(camera: Camera, alpha: float, size: tuple[int, int], *, by_edges: bool) -> Camera:
+    """Return the pinhole whose frame lies between the largest valid and the smallest covering one.
 
-
-def _sees_source(camera: Camera, ideal: FloatArray) -> BoolArray:
-    """Tell for normalised points (..., 2) whether they land between the source's outermost pixel centres."""
-    uv = camera.pixels_from_normalised(camera.lens.distort(ideal))
-    # A frame that exactly touches the source's last pixel must not fail by rounding.
-    return camera.contains(uv, margin_px=0.5 - 1e-9)
-
-
-def _largest_valid_frame(camera: Camera, half: FloatArray) -> tuple[FloatArray, float]:
-    """Centre (2,) and scale of the largest frame whose border sees the source everywhere.
-
-    For each of nine centres the scale is found by bisection on a coarse border; the search moves to the best and narrows.
-    The last bisection runs over the border pixels themselves.
+    A frame ends at the centres of the outermost pixels, or at their outer edges where a pixel has several samples.
     """
-    border = _border(_SEARCH_SAMPLES, _SEARCH_SAMPLES) * half
-    principal = camera.normalised_from_pixels(np.array([(camera.size[0] - 1) / 2, (camera.size[1] - 1) / 2]))
-    centre = camera.lens.undistort(principal)
-    if not np.isfinite(centre).all():
-        centre = np.zeros(2)
-    offsets = np.stack(np.meshgrid([0, -1, 1], [0, -1, 1]), axis=-1).reshape(-1, 2)
-    step = 0.25 * half
-    best_scale = 0.0
-    for _ in range(_SEARCH_ROUNDS):
-        centres = centre + offsets * step
-        scales = _valid_scale(camera, centres, border, _SEARCH_HALVINGS)
-        best = int(np.argmax(scales))
-        if scales[best] > best_scale * _WORTH_MOVING and best != 0:
-            centre, best_scale = centres[best], float(scales[best])
-        else:
-            best_scale = max(best_scale, float(scales[0]))
-            step = step / 2
-    scale = float(_valid_scale(camera, centre[None], _border(*camera.size) * half, _FINAL_HALVINGS)[0])
-    if scale <= 0:
-        raise InputError("undistort: the lens model leaves no valid pixel around the image centre. Calibrate again.")
-    return centre, scale
-
-
-def _valid_scale(camera: Camera, centres: FloatArray, border: FloatArray, halvings: int) -> FloatArray:
-    """Largest scale (C,) at which the border (B, 2) around each centre (C, 2) still sees the source; 0 where none does."""
-    low, high = np.zeros(centres.shape[0]), np.full(centres.shape[0], 4.0)
-    for _ in range(halvings):
-        middle = 0.5 * (low + high)
-        fits = _sees_source(camera, centres[:, None] + middle[:, None, None] * border).all(axis=1)
-        low, high = np.where(fits, middle, low), np.where(fits, high, middle)
-    return low
-
-
-def _smallest_covering_frame(camera: Camera, half: FloatArray) -> tuple[FloatArray, float]:
-    """Centre (2,) and scale of the smallest frame that holds every valid source pixel, at most 160° wide."""
-    width, height = camera.size
-    border = (_border(width, height) + 1) / 2 * [width - 1, height - 1]
-    ideal = camera.unproject(border)[:, :2]
-    valid = np.isfinite(ideal).all(axis=1)
-    radius = camera.lens.valid_radius
-    if not valid.all() and np.isfinite(radius):
-        # Where the lens turns back inside the image, the picture ends at the fold.
-        angle = np.linspace(0, 2 * np.pi, _FOLD_SAMPLES)
-        fold = 0.999 * radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        ideal = np.concatenate([ideal[valid], fold[_sees_source(camera, fold)]])
-    ideal = np.clip(ideal, -_WIDEST_TANGENT, _WIDEST_TANGENT)
-    low, high = ideal.min(axis=0), ideal.max(axis=0)
-    return (low + high) / 2, float(((high - low) / 2 / half).max())
+    span = np.array(size) - (0.0 if by_edges else 1.0)
+    half = span / (2 * np.diag(camera.K)[:2])
+    border = region_border(camera)
+    inner_centre, inner_scale = (np.zeros(2), 0.0) if alpha == 1 else largest_frame(camera, border, half, size)
+    outer_centre, outer_scale = (np.zeros(2), 0.0) if alpha == 0 else covering_frame(border, half)
+    centre: FloatArray = (1 - alpha) * inner_centre + alpha * outer_centre
+    scale = (1 - alpha) * inner_scale + alpha * outer_scale
+    fx, fy = np.diag(camera.K)[:2] / scale
+    middle = (np.array(size) - 1) / 2 - [fx, fy] * centre
+    return Camera(size, [[fx, 0, middle[0]], [0, fy, middle[1]], [0, 0, 1]])

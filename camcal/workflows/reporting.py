@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from typing import Protocol
@@ -28,6 +27,9 @@ class LogReporter:
 
     def warn(self, text: str) -> None:
         """Log one warning."""
+        # The command line, which has a reporter of its own, need not wait for it.
+        import logging
+
         logging.getLogger("camcal").warning(text)
 
     def progress(self, label: str, total: int) -> AbstractContextManager[Advance]:  # noqa: ARG002

@@ -1,0 +1,1 @@
+"""Image files from the inside: headers, pixels, and the metadata beside them."""

@@ -1,0 +1,58 @@
+"""Metadata carried from a source image to what was made of it: byte for byte within a format, as whole blocks between formats.
+
+The orientation tag goes along, and pixels are never turned: both the camera and its lens belong to the sensor's pixels.
+"""
+
+from __future__ import annotations
+
+from camcal.formats.imaging.blocks import Metadata
+from camcal.formats.imaging.header import image_size
+from camcal.formats.imaging.kinds import kind_of
+
+# What metadata look like in files of other formats, which are not taken apart here.
+_SIGNS = (b"Exif", b"x:xmpmeta", b"ICC_PROFILE", b"prof", b"XMP Data")
+
+
+def carry_metadata(source: bytes, encoded: bytes, note: str) -> tuple[bytes, tuple[str, ...]]:
+    """Give an encoded image the metadata of its source, and a note of what was done to it.
+
+    The note is a comment in JPEG and PNG, a line of EXIF's image history (a tag of TIFF/EP) in TIFF, and in WebP if there is
+    no EXIF yet.
+
+    Parameters
+    ----------
+    source : bytes
+        A whole image file.
+    encoded : bytes
+        A whole image file without metadata.
+    note : str
+        One line.
+
+    Returns
+    -------
+    encoded : bytes
+    warnings : tuple of str
+        What was not carried over, one clause each.
+    """
+    old, new = kind_of(source), kind_of(encoded)
+    if old and old is new:
+        content, left_behind = old.with_metadata_of(source, encoded, note)
+    else:
+        described = old.metadata(source) if old else Metadata(others=_unread(source))
+        content, left_behind = new.with_metadata(encoded, described, note) if new else (encoded, _named(described))
+        left_behind = [*described.others, *left_behind]
+    warnings = [f"not carried over: {', '.join(left_behind)}"] if left_behind else []
+    if old and image_size(source) != image_size(encoded) and old.metadata(source).exif:
+        warnings.append("EXIF still states the size of the source")
+    return content, tuple(warnings)
+
+
+def _named(described: Metadata) -> list[str]:
+    """Names of all that a format without metadata loses."""
+    blocks = {"EXIF": described.exif, "XMP": described.xmp, "colour profile": described.icc, "comments": described.comments}
+    return [name for name, block in blocks.items() if block]
+
+
+def _unread(source: bytes) -> tuple[str, ...]:
+    """What a file of another format seems to have that is not read here."""
+    return ("metadata",) if any(sign in source for sign in _SIGNS) else ()

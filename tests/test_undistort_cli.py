@@ -1,0 +1,297 @@
+"""`camcal undistort` as a command: its options and exit codes, lists on standard input, crashes, and how soon it begins."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import click
+import cv2
+import numpy as np
+import pytest
+from videos import make_video, read_video
+
+from camcal.cli import cli, main
+from camcal.formats.camera_file import load_intrinsics, save_intrinsics
+from camcal.geometry.camera import Camera
+from camcal.observations import Intrinsics
+from camcal.workflows.undistort.ledger import LEDGER_NAME
+
+SIZE = (64, 48)
+CAMERA = Camera(SIZE, [[50, 0, 30.3], [0, 51, 24.7], [0, 0, 1]], [-0.2, 0.05, 0.001, -0.002, 0])
+
+
+@pytest.fixture
+def run(capsys, tmp_path, monkeypatch):
+    """Run the command in a folder with a camera.yaml and three photos: exit code, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+    save_intrinsics("camera.yaml", Intrinsics(CAMERA))
+    Path("photos").mkdir()
+    for name in "abc":
+        write_image(f"photos/{name}.png")
+
+    def call(*arguments: object, camera: str = "camera.yaml") -> tuple[int, str, str]:
+        code = main(["undistort", *map(str, arguments), "--camera", camera])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return call
+
+
+def write_image(path: str, size: tuple[int, int] = SIZE) -> None:
+    """Write an image of noise."""
+    assert cv2.imwrite(path, np.random.default_rng(0).integers(0, 256, (size[1], size[0], 3), dtype=np.uint8))
+
+
+def names(folder: str) -> list[str]:
+    """Names of a folder's files."""
+    return sorted(path.name for path in Path(folder).iterdir())
+
+
+def one_line(err: str) -> str:
+    """The only line of stderr."""
+    assert len(err.splitlines()) == 1, err
+    return err.strip()
+
+
+def test_what_it_says(run):
+    """One line on what was written: for a folder, for one file, with a video, for points, and when all was done before."""
+    assert run("photos", "-o", "flat") == (0, "flat: 3 undistorted images and their camera.yaml.\n", "")
+    assert run("photos", "-o", "flat", "--resume") == (0, "flat: nothing new (3 done before) and their camera.yaml.\n", "")
+    assert run("photos/a.png", "-o", "one") == (0, "one: 1 undistorted image and its camera.yaml.\n", "")
+    assert run("photos/a.png", "-o", "b.png", "--distort") == (0, "b.png: distorted; its camera is b.camera.yaml.\n", "")
+    make_video(Path("photos/clip.mkv"), codec="ffv1", frames=2)
+    assert run("photos", "-o", "both")[1] == "both: 3 undistorted images and 1 undistorted video and their camera.yaml.\n"
+    Path("p.csv").write_text("x,y\n1,2\n")
+    assert run("p.csv", "-o", "points") == (0, "points: 1 undistorted file of points and its camera.yaml.\n", "")
+
+
+def test_every_option_of_the_geometry(run):
+    """Each reaches the camera of the results."""
+    cameras = {}
+    for name, flags in {
+        "plain": (),
+        "alpha": ("--alpha", "1"),
+        "fov": ("--fov", "60"),
+        "size": ("--size", "32x24"),
+        "scale": ("--scale", "2"),
+        "crop": ("--alpha", "1", "--crop", "valid"),
+        "target": ("--target", "size"),
+    }.items():
+        assert run("photos/a.png", "-o", name, *flags)[0] == 0
+        cameras[name] = load_intrinsics(name).camera
+    assert cameras["alpha"].K[0, 0] < cameras["plain"].K[0, 0]
+    assert cameras["fov"].field_of_view_deg[0] == pytest.approx(60, abs=1e-9)
+    assert cameras["size"].size == (32, 24)
+    assert cameras["scale"].size == (128, 96)
+    assert cameras["crop"].size < cameras["alpha"].size
+    assert cameras["target"].intrinsics.tolist() == cameras["size"].intrinsics.tolist()
+    write_image("large.png", (128, 96))
+    assert run("large.png", "-o", "large", "--rescale")[0] == 0
+    assert load_intrinsics("large").camera.size == (128, 96)
+
+
+def test_options_of_pixels_and_files(run):
+    """Format, quality, fill, mask, maps, interpolation, exact positions and light, all at once."""
+    flags = ("--format", "tif", "--fill", "10,20,30", "--mask", "--maps", "--interpolation", "lanczos", "--exact")
+    assert run("photos", "-o", "flat", *flags, "--gamma", "srgb", "--alpha", "1", "--most-pixels", "10000")[0] == 0
+    assert names("flat") == ["a.tif", "b.tif", "c.tif", "camera.yaml", "maps.npz", "maps.tiff", "mask.png", LEDGER_NAME]
+    outside = cv2.imread("flat/mask.png", cv2.IMREAD_UNCHANGED) == 0
+    assert (cv2.imread("flat/a.tif")[outside] == (30, 20, 10)).all()
+
+
+def test_options_of_videos(run):
+    """Codec, quality, pixels, preset and frames reach the encoder."""
+    make_video(Path("clip.mkv"), codec="ffv1", frames=6)
+    flags = (
+        "--codec",
+        "h264",
+        "--crf",
+        "30",
+        "--pixel-format",
+        "yuv444p",
+        "--preset",
+        "ultrafast",
+        "--frames",
+        "2:5",
+        "--lossy",
+    )
+    assert run("clip.mkv", "-o", "out.mp4", *flags)[0] == 0
+    video = read_video(Path("out.mp4"))
+    assert (video.codec, len(video.frames), video.frames[0].format.name) == ("h264", 3, "yuv444p")
+
+
+def test_a_list_on_standard_input(run, monkeypatch):
+    """Lines or NUL-separated, beside other inputs; an entry that cannot be used is reported in the end with exit code 2."""
+    for content in (b"photos/a.png\r\nphotos/b.png\n\n", b"photos/a.png\0photos/b.png\0"):
+        monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(content)))
+        assert run("-", "photos/c.png", "-o", "flat", "--force")[:2] == (
+            0,
+            "flat: 3 undistorted images and their camera.yaml.\n",
+        )
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(b"photos/a.png\ngone.png\n")))
+    code, out, err = run("-", "-o", "some")
+    assert (code, out) == (2, "some: 1 undistorted image and its camera.yaml.\n")
+    assert err.splitlines() == [
+        "camcal: warning: gone.png: passed over: no such file. Check the path.",
+        "camcal: undistort: 1 of 2 files passed over (first: gone.png: no such file. Check the path.)",
+    ]
+    for stdin in (None, SimpleNamespace(buffer=io.BytesIO(b""))):
+        monkeypatch.setattr(sys, "stdin", stdin)
+        code, _, err = run("-", "-o", "none")
+        assert (code, one_line(err)) == (
+            2,
+            "camcal: undistort: no images or videos given. Name some, or a folder that holds some.",
+        )
+
+
+def test_one_unreadable_file_among_many(run):
+    """The others are done; it is named, and the exit code says so."""
+    Path("photos/b.png").write_bytes(Path("photos/b.png").read_bytes()[:500])
+    code, out, err = run("photos", "-o", "flat")
+    assert (code, out) == (2, "flat: 2 undistorted images and their camera.yaml.\n")
+    assert names("flat") == ["a.png", "c.png", "camera.yaml", LEDGER_NAME]
+    assert "camcal: undistort: 1 of 3 files passed over (first: b.png: truncated" in err
+    shutil.copy("photos/a.png", "photos/b.png")
+    assert run("photos", "-o", "flat", "--resume")[:2] == (
+        0,
+        "flat: 1 undistorted image (2 done before) and its camera.yaml.\n",
+    )
+
+
+def test_a_dry_run_prints_the_plan(run):
+    """Input, output, size and format of each file that would be done, and how many are done; nothing is written."""
+    code, out, err = run("photos", "-o", "flat", "--dry-run", "--size", "32x24", "--format", "jpg")
+    assert (code, err) == (0, "")
+    assert out.splitlines() == [f"photos/{name}.png -> flat/{name}.jpg  32x24 jpg" for name in "abc"]
+    assert not Path("flat").exists()
+    assert run("photos/a.png", "photos/b.png", "-o", "flat")[0] == 0
+    _, out, _ = run("photos", "-o", "flat", "--dry-run", "--resume")
+    assert out.splitlines() == ["photos/c.png -> flat/c.png  64x48 png", "2 more are done already."]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("photos", "-o", "o", "--size", "32"), "'32' is not WIDTHxHEIGHT, such as 1920x1080. See"),
+        (("photos", "-o", "o", "--size", "0x4"), "--size: no image size (got 0x4"),
+        (("photos", "-o", "o", "--fill", "red"), "'red' is neither a number nor R,G,B. See"),
+        (
+            ("photos", "-o", "o", "--fill", "1,2"),
+            "--fill: not a colour (got 2 numbers, expected 1, or 3 as R,G,B, or 4 with alpha)",
+        ),
+        (("photos", "-o", "o", "--crop", "all"), "'--crop': 'all' is not one of"),
+        (("photos", "-o", "o", "--fov", "60", "--alpha", "1"), "--fov and --alpha: both"),
+        (("photos", "-o", "o", "--frames", "0:2"), "--frames: only for videos"),
+        (("photos", "-o", "o.png"), "o.png: a file for 3 inputs"),
+        (("photos", "-o", "photos", "--force"), "output would replace its own input"),
+        (("photos", "-o", "camera.yaml"), "camera.yaml: a file stands where the output folder should be"),
+        (("gone", "-o", "o"), "gone: no such file"),
+        (("gone*.png", "-o", "o"), "gone*.png: no image or video matches this pattern"),
+        (("photos", "-o", "o", "--target", "gone.yaml"), "gone.yaml: no such file"),
+    ],
+)
+def test_failures_are_one_line(run, arguments, told):
+    """Exit code 2 and one line that names the cause; nothing is written."""
+    code, out, err = run(*arguments)
+    assert (code, out) == (2, "")
+    assert told in one_line(err).splitlines()[-1]
+    assert not Path("o").exists() or names("o") == [LEDGER_NAME]
+
+
+def test_a_camera_file_of_none(run):
+    """An image, or YAML of something else, is no camera."""
+    Path("other.yaml").write_text("type: checkerboard\n")
+    for camera in ("other.yaml", "photos/a.png", "photos", "gone.yaml"):
+        code, _, err = run("photos", "-o", "flat", camera=camera)
+        assert code == 2
+        assert one_line(err).startswith(f"camcal: {camera}")
+
+
+def test_the_cluster_is_an_extra(run, monkeypatch):
+    """Without it installed: one line that names the extra; an address where nobody answers is one line too."""
+    code, _, err = run("photos", "-o", "o", "--scheduler", "tcp://127.0.0.1:1")
+    assert code == 2
+    assert re.fullmatch(
+        r"camcal: --scheduler: tcp://127\.0\.0\.1:1 does not answer \(.*\)\. Check the address\.", one_line(err)
+    )
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    code, _, err = run("photos", "-o", "o", "--scheduler", "tcp://127.0.0.1:1")
+    assert code == 2
+    assert "pip install 'camcal[distributed]'" in one_line(err)
+    # What came to nothing is not in the way.
+    assert run("photos", "-o", "o")[0] == 0
+
+
+def test_the_help_is_in_sections():
+    """Every option stands in one of them, once."""
+    command = cli.commands["undistort"]
+    text = command.get_help(click.Context(command, info_name="camcal undistort")).partition("Example:")[0]
+    sections = re.findall(r"^(\w[\w ]*):$", text, flags=re.MULTILINE)
+    assert sections == ["Options", "Geometry", "Pixels and formats", "Videos", "Run"]
+    for option in command.params:
+        if isinstance(option, click.Option):
+            assert len(re.findall(rf"^ +(?:-\w, )?{option.opts[-1]}\b", text, flags=re.MULTILINE)) == 1, option.opts
+
+
+def test_killed_and_resumed(run):
+    """SIGKILL half-way through: what is there is whole, there is no camera, and --resume does the rest, each once."""
+    for index in range(300):
+        shutil.copy("photos/a.png", f"photos/{index:03}.png")
+    flags = [sys.executable, "-m", "camcal", "undistort", "photos", "--camera", "camera.yaml", "-o", "flat", "-j", "2"]
+    process = subprocess.Popen(flags, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    deadline = time.monotonic() + 60
+    while len(list(Path("flat").glob("*.png"))) < 20 and time.monotonic() < deadline:
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.002)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    begun = {path.name: path.stat().st_ino for path in Path("flat").glob("*.png")}
+    assert 20 <= len(begun) < 303
+    assert not Path("flat/camera.yaml").exists()
+    assert all(cv2.imread(f"flat/{name}") is not None for name in begun)
+    noted = len(Path("flat", LEDGER_NAME).read_text().splitlines()) - 1
+    # Each thread had at most one result without a line.
+    assert len(begun) - noted <= 2
+    code, out, err = run("photos", "-o", "flat", "--resume")
+    assert (code, out) == (0, f"flat: {303 - noted} undistorted images ({noted} done before) and their camera.yaml.\n"), err
+    assert len(names("flat")) == 303 + 2
+    replaced = [name for name, inode in begun.items() if Path("flat", name).stat().st_ino != inode]
+    assert len(replaced) == len(begun) - noted
+
+
+@pytest.mark.usefixtures("run")
+def test_a_file_that_may_grow_no_further():
+    """A limit of the system in the middle of a file: one line, no half-written file, exit code 2."""
+    script = (
+        "import resource, signal, sys; signal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000));"
+        "from camcal.cli import main; sys.exit(main(sys.argv[1:]))"
+    )
+    command = [sys.executable, "-c", script, "undistort", "photos/a.png", "--camera", "camera.yaml", "-o", "flat"]
+    finished = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert finished.returncode == 2
+    assert "a.png: cannot be written (file too large)" in one_line(finished.stderr)
+    assert names("flat") == [LEDGER_NAME]
+
+
+@pytest.mark.usefixtures("run")
+def test_one_small_image_waits_for_little():
+    """What neither reads nor writes an image is not loaded for one: it takes longer than the image."""
+    slow = {"pydantic", "yaml", "rich", "av", "PIL", "skimage", "distributed", "concurrent.futures", "threadpoolctl", "json"}
+    script = f"""
+import sys
+from camcal.cli import main
+assert main(["undistort", "photos/a.png", "--camera", "camera.yaml", "-o", "flat"]) == 0
+print(*sorted({slow!r} & set(sys.modules)))
+"""
+    finished = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, env=os.environ)
+    assert finished.stdout.splitlines()[1:] == [""]
