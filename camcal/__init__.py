@@ -20,68 +20,134 @@ import importlib
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from camcal.boards.base import Board
     from camcal.boards.spec import parse_board
     from camcal.compare.projection import projection_difference
     from camcal.errors import CamcalError, DetectionError, InputError, QualityError, SolveError
-    from camcal.formats.board_file import load_board
+    from camcal.formats.board_file import load_board, save_board
     from camcal.formats.camera_file import load_intrinsics, save_intrinsics
+    from camcal.formats.corners_file import load_corners, save_corners
     from camcal.geometry.camera import Camera
     from camcal.geometry.pose import Pose
+    from camcal.observations import Calibration, Detection, Intrinsics, Rejected
     from camcal.synthesis.bound import corner_bound
+    from camcal.synthesis.scenario import Light, Sensor
+    from camcal.trust.assess import Gates
+    from camcal.trust.uncertainty import projection_sigma
+    from camcal.undistortion.maps import dense_map, undistort_map, valid_mask
+    from camcal.undistortion.points import distort_points, undistort_points
+    from camcal.undistortion.target import target_camera
+    from camcal.verdict import Finding, Verdict
+    from camcal.workflows.arrays import detect_corners, load_camera, render, undistort_image
     from camcal.workflows.board import board
-    from camcal.workflows.calibrate import calibrate
+    from camcal.workflows.calibrate import CalibrationRun, calibrate
     from camcal.workflows.demo import demo
+    from camcal.workflows.detect import detect
+    from camcal.workflows.export import export_camera
+    from camcal.workflows.export_board import export_board
+    from camcal.workflows.export_corners import export_corners
+    from camcal.workflows.import_ import import_camera
     from camcal.workflows.regress import regress
+    from camcal.workflows.report import make_report
+    from camcal.workflows.schema import schema
     from camcal.workflows.synth import synth
     from camcal.workflows.undistort import undistort
     from camcal.workflows.verify import verify
 
 __version__ = "0.1.0"
 
-_HOMES = {
-    "Camera": "camcal.geometry.camera",
-    "CamcalError": "camcal.errors",
-    "DetectionError": "camcal.errors",
-    "InputError": "camcal.errors",
-    "Pose": "camcal.geometry.pose",
-    "QualityError": "camcal.errors",
-    "SolveError": "camcal.errors",
-    "board": "camcal.workflows.board",
-    "calibrate": "camcal.workflows.calibrate",
-    "corner_bound": "camcal.synthesis.bound",
-    "demo": "camcal.workflows.demo",
-    "load_board": "camcal.formats.board_file",
-    "load_intrinsics": "camcal.formats.camera_file",
-    "parse_board": "camcal.boards.spec",
-    "projection_difference": "camcal.compare.projection",
-    "regress": "camcal.workflows.regress",
-    "save_intrinsics": "camcal.formats.camera_file",
-    "synth": "camcal.workflows.synth",
-    "undistort": "camcal.workflows.undistort",
-    "verify": "camcal.workflows.verify",
+_NAMES = {
+    "boards.base": "Board",
+    "boards.spec": "parse_board",
+    "compare.projection": "projection_difference",
+    "errors": "CamcalError DetectionError InputError QualityError SolveError",
+    "formats.board_file": "load_board save_board",
+    "formats.camera_file": "load_intrinsics save_intrinsics",
+    "formats.corners_file": "load_corners save_corners",
+    "geometry.camera": "Camera",
+    "geometry.pose": "Pose",
+    "observations": "Calibration Detection Intrinsics Rejected",
+    "synthesis.bound": "corner_bound",
+    "synthesis.scenario": "Light Sensor",
+    "trust.assess": "Gates",
+    "trust.uncertainty": "projection_sigma",
+    "undistortion.maps": "dense_map undistort_map valid_mask",
+    "undistortion.points": "distort_points undistort_points",
+    "undistortion.target": "target_camera",
+    "verdict": "Finding Verdict",
+    "workflows.arrays": "detect_corners load_camera render undistort_image",
+    "workflows.board": "board",
+    "workflows.calibrate": "CalibrationRun calibrate",
+    "workflows.demo": "demo",
+    "workflows.detect": "detect",
+    "workflows.export": "export_camera",
+    "workflows.export_board": "export_board",
+    "workflows.export_corners": "export_corners",
+    "workflows.import_": "import_camera",
+    "workflows.regress": "regress",
+    "workflows.report": "make_report",
+    "workflows.schema": "schema",
+    "workflows.synth": "synth",
+    "workflows.undistort": "undistort",
+    "workflows.verify": "verify",
 }
+"""The public names by the module that each is imported from when it is first asked for."""
+
+_HOMES = {name: f"camcal.{module}" for module, names in _NAMES.items() for name in names.split()}
 
 __all__ = [
+    "Board",
+    "Calibration",
+    "CalibrationRun",
     "CamcalError",
     "Camera",
+    "Detection",
     "DetectionError",
+    "Finding",
+    "Gates",
     "InputError",
+    "Intrinsics",
+    "Light",
     "Pose",
     "QualityError",
+    "Rejected",
+    "Sensor",
     "SolveError",
+    "Verdict",
     "__version__",
     "board",
     "calibrate",
     "corner_bound",
     "demo",
+    "dense_map",
+    "detect",
+    "detect_corners",
+    "distort_points",
+    "export_board",
+    "export_camera",
+    "export_corners",
+    "import_camera",
     "load_board",
+    "load_camera",
+    "load_corners",
     "load_intrinsics",
+    "make_report",
     "parse_board",
     "projection_difference",
+    "projection_sigma",
     "regress",
+    "render",
+    "save_board",
+    "save_corners",
     "save_intrinsics",
+    "schema",
     "synth",
+    "target_camera",
     "undistort",
+    "undistort_image",
+    "undistort_map",
+    "undistort_points",
+    "valid_mask",
     "verify",
 ]
 

@@ -269,6 +269,8 @@ class ViewRecord:
         Number of features seen.
     notes : tuple of str
         Notes of its detection.
+    path : str
+        Where its image is, with forward slashes, relative to the folder of the views file; empty if that is not known.
     """
 
     source: str
@@ -277,6 +279,7 @@ class ViewRecord:
     rms_px: float = float("nan")
     corners: int = 0
     notes: tuple[str, ...] = ()
+    path: str = ""
 
     @property
     def used(self) -> bool:

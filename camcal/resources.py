@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 from pathlib import Path
 
 from camcal.errors import InputError
+from camcal.nearest import did_you_mean
 
 _PACKAGE = Path(__file__).resolve().parent
 
@@ -57,9 +57,8 @@ def _path(kind: str, name: str, what: str) -> Path:
     """Path of one YAML file; only names that are listed lead anywhere."""
     known = _names(kind)
     if name not in known:
-        near = difflib.get_close_matches(name, known, n=1)
-        advice = f" Did you mean '{near[0]}'?" if near else ""
         raise InputError(
-            f"{what} {name!r}: there is none of that name (got {name!r}, expected one of {', '.join(known)}).{advice}"
+            f"{what} {name!r}: there is none of that name (got {name!r}, expected one of {', '.join(known)})."
+            + did_you_mean(name, known)
         )
     return _folder(kind) / f"{name}.yaml"

@@ -13,22 +13,32 @@ import pytest
 
 from camcal.boards.checkerboard import Checkerboard
 from camcal.cli import main
-from camcal.cli.rounding import decimals, plus_minus, rounded, spread
 from camcal.formats.camera_file import load_intrinsics, save_intrinsics
 from camcal.formats.corners_file import load_corners, save_corners
 from camcal.geometry.camera import Camera
 from camcal.observations import Detection, Intrinsics
+from camcal.rounding import decimals, plus_minus, rounded, spread
 
 NAN = float("nan")
 
 
 @pytest.fixture
-def summary(dataset, tmp_path, capsys):
+def printed(dataset, tmp_path, capsys):
     """Calibrate and return what is printed on stdout."""
 
-    def call(*inputs: object, board: object = dataset / "board.yaml") -> str:
-        main(["calibrate", *map(str, inputs), "--board", str(board), "-o", str(tmp_path / "calib")])
+    def call(*inputs: object, board: object = dataset / "board.yaml", output: object = tmp_path / "calib") -> str:
+        main(["calibrate", *map(str, inputs), "--board", str(board), "-o", str(output)])
         return capsys.readouterr().out
+
+    return call
+
+
+@pytest.fixture
+def summary(printed):
+    """The same with each fact on one line, however long: what a shell makes of backslashes, and a reader of indents."""
+
+    def call(*inputs: object, **settings: object) -> str:
+        return re.sub(r"(?: \\)?\n {7,}(?=\S)", " ", printed(*inputs, **settings))
 
     return call
 
@@ -67,11 +77,13 @@ def test_plus_minus_in_line():
     assert plus_minus([]) == []
 
 
-def test_summary_fits_a_screen(summary, dataset):
-    """At most 25 lines of 80 columns, apart from lines that hold paths."""
-    lines = summary(dataset / "images").splitlines()
-    assert len(lines) <= 25
-    assert [line for line in lines if len(line) > 80 and not line.startswith(("files", "next"))] == []
+def test_summary_fits_a_screen(printed, dataset, tmp_path, monkeypatch):
+    """At most 26 lines of at most 80 columns."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(dataset / "images", "photographs-of-the-front-camera")
+    lines = printed("photographs-of-the-front-camera", output="calib").splitlines()
+    assert len(lines) <= 26
+    assert max(map(len, lines)) <= 80
 
 
 def test_summary_shows_what_the_camera_file_holds(summary, dataset, tmp_path):

@@ -295,6 +295,16 @@ def test_blocks_too_large_for_a_segment_are_named() -> None:
     assert warning == f"not carried over: EXIF of {len(BLOCK) + 70_000} bytes, XMP of {len(XMP) + 70_000} bytes"
 
 
+def test_long_texts_are_not_cut() -> None:
+    """A text that no segment of a JPEG can hold is named; the one that just fits, and the note, are there whole."""
+    fits, long = "é" * 32_766 + "!", "b" * 65_534
+    texts = [chunk(b"iTXt", b"Comment\0\0\0\0\0" + text.encode()) for text in (fits, long)]
+    source = b"".join([plain("png")[:33], *texts, plain("png")[33:]])
+    content, warnings = carry_metadata(source, plain("jpg"), NOTE)
+    assert warnings == ("not carried over: comments of more than 65533 bytes",)
+    assert [raw[4:].decode() for marker, raw in segments(content) if marker == 0xFE] == [fits, NOTE]
+
+
 def test_formats_without_metadata_lose_them_by_name() -> None:
     """A PPM holds pixels and nothing else."""
     content, (warning,) = carry_metadata(described("jpg"), plain("ppm"), NOTE)
@@ -307,7 +317,18 @@ def test_metadata_of_other_formats_are_named() -> None:
     """Those of AVIF are not read; if there are any, that is said."""
     stream = io.BytesIO()
     RGB.save(stream, "AVIF", exif=EXIF)
-    assert carry_metadata(stream.getvalue(), plain("png"), NOTE)[1] == ("not carried over: metadata",)
+    assert carry_metadata(stream.getvalue(), plain("png"), NOTE)[1] == ("not carried over: metadata, its orientation",)
+
+
+def test_a_turned_avif_is_named() -> None:
+    """It says by a box, and not in EXIF, that players turn it: pixels are not, so that the picture would lie on its side."""
+    stream = io.BytesIO()
+    turned = Pillow.Exif()
+    turned[274] = 6
+    RGB.save(stream, "AVIF", exif=turned.tobytes())
+    assert b"irot" in stream.getvalue()
+    without_exif = stream.getvalue().replace(b"Exif", b"none")
+    assert carry_metadata(without_exif, plain("png"), NOTE)[1] == ("not carried over: its orientation",)
 
 
 def test_another_size_contradicts_exif() -> None:

@@ -228,6 +228,21 @@ def test_values_that_grow_darker_stay_so(tmp_path: Path, dtype: type) -> None:
         assert np.nanmax(np.abs(file.pages[0].asarray() - exact(image))) <= 0.5 + 40 * 1e-3
 
 
+@pytest.mark.parametrize(("interpolation", "reach"), [("linear", 1), ("cubic", 12), ("lanczos", 13)])
+def test_pixels_that_are_no_numbers(tmp_path: Path, interpolation: str, reach: int) -> None:
+    """A NaN stays as near as the interpolation reads; where that is not just beside it, a warning says how far."""
+    image = np.ones(SIZE[::-1], np.float32)
+    image[60, 80] = np.nan
+    path, warnings = undistorted(tmp_path, tiff(image), "a.tif", interpolation=interpolation)
+    spoilt = np.argwhere(np.isnan(as_stored(path)))
+    u, v = MAP.target.project(MAP.source.unproject([80, 60]))
+    assert len(spoilt) >= 1
+    # The target's pixels are less than 1.5 times as fine as the source's.
+    assert np.abs(spoilt - [v, u]).max() <= 1.5 * (reach + 1)
+    expected = f"NaN or infinite pixels spoil others up to {reach} px away: --interpolation linear only their neighbours"
+    assert warnings == (() if interpolation == "linear" else (expected,))
+
+
 @pytest.mark.parametrize(("asked", "written"), [(None, 1), ("zlib", 8)])
 def test_compression_of_a_tiff_is_kept(tmp_path: Path, asked: str | None, written: int) -> None:
     """None stays none, deflate stays deflate."""

@@ -537,7 +537,7 @@ def test_limited_range_becomes_full_only_if_asked_for(tmp_path):
     """JPEG knows full range alone: it is refused for a limited video until its pixel format is named, then converted."""
     flat = lambda _, size: np.full((size[1], size[0], 3), 255, np.uint8)  # noqa: E731
     source = make_video(tmp_path / "in.avi", codec="ffv1", color_range=1, picture=flat)
-    refused(source, "codec mjpeg: cannot hold yuv420p .it holds yuvj420p", target="x.avi", codec="mjpeg")
+    refused(source, "--codec: mjpeg cannot hold yuv420p .it holds yuvj420p", target="x.avi", codec="mjpeg")
     result = undistort(source, new=OUTER, codec="mjpeg", pixel_format="yuvj420p", quality=1)
     before, after = read_video(source).planes[0][0], read_video(result.path).planes[0][0]
     assert before.max() == 235
@@ -671,9 +671,13 @@ def refused(source: Path, match: str, target: str = "refused.mp4", **options) ->
     before = sorted(source.parent.iterdir())
     own = {name: options.pop(name) for name in ("frames", "as_progressive") if name in options}
     camera, new = options.pop("camera", CAMERA), options.pop("new", INNER)
-    chosen = VideoOptions(encoding=EncodingOptions(**options), **own)
     with pytest.raises(InputError, match=match) as raised:
-        undistort_video(source, source.parent / target, undistort_map(camera, new), options=chosen)
+        undistort_video(
+            source,
+            source.parent / target,
+            undistort_map(camera, new),
+            options=VideoOptions(encoding=EncodingOptions(**options), **own),
+        )
     assert sorted(source.parent.iterdir()) == before
     text = str(raised.value)
     assert "\n" not in text
@@ -809,13 +813,14 @@ def test_targets_that_cannot_be(tmp_path):
 @pytest.mark.parametrize(
     ("options", "match"),
     [
-        ({"codec": "betamax"}, "codec betamax: not one that is written .* expected one of h264"),
-        ({"codec": "utvideo"}, "codec utvideo: does not fit into mp4"),
-        ({"codec": "av1", "pixel_format": "yuv444p"}, "codec av1: cannot hold yuv444p .it holds yuv420p, yuv420p10le"),
-        ({"codec": "mjpeg", "lossless": True}, "codec mjpeg: cannot be lossless"),
-        ({"quality": 99}, "quality: out of h264's range .got 99, expected 0 to 51"),
-        ({"lossless": True, "quality": 5}, "quality: a lossless video has none"),
-        ({"pixel_format": "yuv9"}, "pixel format yuv9: there is none"),
+        ({"codec": "betamax"}, "--codec: not one that is written .* expected one of h264"),
+        ({"codec": "utvideo"}, "--codec: utvideo does not fit into mp4"),
+        ({"codec": "av1", "pixel_format": "yuv444p"}, "--codec: av1 cannot hold yuv444p .it holds yuv420p, yuv420p10le"),
+        ({"codec": "mjpeg", "lossless": True}, "--codec: mjpeg cannot be lossless"),
+        ({"quality": 60}, "--crf: out of h264's range .got 60, expected 0 to 51"),
+        ({"quality": 99}, "--crf: out of range .got 99"),
+        ({"lossless": True, "quality": 5}, "--crf: a lossless video has none"),
+        ({"pixel_format": "yuv9"}, "--pixel-format: there is none of that name .got 'yuv9'"),
         ({"pixel_format": "gbrpf32le"}, "pixel format gbrpf32le: not worked on"),
         ({"preset": "warp"}, "libx264 refuses"),
         ({"new": Camera((63, 48), INNER.K)}, "a size that yuv420p cannot have .got 63x48"),

@@ -6,7 +6,10 @@ import csv
 import errno
 import logging
 import os
+import re
 import shutil
+import subprocess
+import sys
 import threading
 from dataclasses import replace
 from pathlib import Path
@@ -245,8 +248,7 @@ def test_names_that_are_no_text(camera_file, tmp_path):
         shutil.copy(photos / "a.png", photos / name)
     assert sorted(camcal.undistort(photos, camera_file, tmp_path / "o").images) == sorted([*names, "a.png"])
     assert all((tmp_path / "o" / name).exists() for name in names)
-    # A line break makes two torn lines of one: that file is done again.
-    assert camcal.undistort(photos, camera_file, tmp_path / "o", resume=True).images == ("two\nlines.png",)
+    assert camcal.undistort(photos, camera_file, tmp_path / "o", resume=True).images == ()
 
 
 @pytest.mark.parametrize(
@@ -260,7 +262,7 @@ def test_names_that_are_no_text(camera_file, tmp_path):
         (lambda f: (f / "a.png").touch() or "a.png", "empty file"),
         (lambda f: (f / "a.png").write_text("no image") and "a.png", "not an image"),
         (lambda f: os.mkfifo(f / "a.png") or "a.png", "device or pipe"),
-        (lambda f: make_images(f, "a.png", size=(48, 64)) and "a.png", "got 48x64, expected 64x48"),
+        (lambda f: make_images(f, "a.png", size=(48, 64)) and "a.png", "got 48x64, expected 64x48.*turned by 90°"),
         (lambda f: (make_images(f, "a.png") / "a.png").rename(f / "a.gif").name, "no format that an image is"),
     ],
 )
@@ -316,6 +318,53 @@ def test_a_folder_that_cannot_be_looked_into(camera_file, tmp_path, monkeypatch)
         camcal.undistort(photos / "locked", camera_file, tmp_path / "p")
 
 
+def test_results_within_are_not_undistorted_again(camera_file, tmp_path, caplog):
+    """A folder of an earlier run's results inside the input is passed over with a word; named, it is worked on."""
+    photos = make_images(tmp_path / "photos", "a.png", "sub/b.png")
+    camcal.undistort(photos, camera_file, photos / "flat", recursive=True)
+    with caplog.at_level(logging.WARNING, logger="camcal"):
+        done = camcal.undistort(photos, camera_file, photos / "other", recursive=True)
+    assert done.images == ("a.png", "sub/b.png")
+    assert f"{photos / 'flat'}: holds results of an earlier run: passed over" in caplog.text
+    again = camcal.undistort(photos / "flat", camera_file, tmp_path / "again", recursive=True)
+    assert again.images == ("a.png", "sub/b.png")
+
+
+def test_a_list_of_other_things(camera_file, tmp_path):
+    """The error says what there was instead."""
+    (tmp_path / "notes.txt").write_text("x")
+    with pytest.raises(InputError, match=r"no images or videos given \(but .*notes\.txt\)"):
+        camcal.undistort([], camera_file, tmp_path / "o", listed=[tmp_path / "notes.txt"])
+
+
+def test_images_of_formats_that_are_not_read(camera_file, tmp_path, caplog):
+    """They are images to whoever has them: said so, with what to do first, and never taken for the name of a folder."""
+    photos = tmp_path / "photos"
+    photos.mkdir()
+    for name in ("a.HEIC", "b.nef"):
+        (photos / name).write_bytes(b"some")
+    with pytest.raises(InputError, match=r"but a\.HEIC, of a format that is not read\)\. Convert to JPEG or TIFF first"):
+        camcal.undistort(photos, camera_file, tmp_path / "o")
+    with pytest.raises(InputError, match=r"b\.nef: an image of a format that is not read .*\. Develop to TIFF first"):
+        camcal.undistort(photos / "b.nef", camera_file, tmp_path / "o")
+    make_images(photos, "c.png")
+    with pytest.raises(InputError, match=r"c\.heic: not a format to write"):
+        camcal.undistort(photos / "c.png", camera_file, tmp_path / "c.heic")
+    with caplog.at_level(logging.WARNING, logger="camcal"):
+        assert camcal.undistort(photos, camera_file, tmp_path / "o").images == ("c.png",)
+    assert "2 images of a format that is not read passed over (first: a.HEIC). Convert to JPEG or TIFF first." in caplog.text
+
+
+def test_what_is_not_done_has_the_name_that_the_user_gave(camera_file, tmp_path):
+    """Not that of the result that there is not, and only once."""
+    photos = make_images(tmp_path / "photos", "a.png")
+    tifffile.imwrite(photos / "b.tif", np.zeros(SIZE[::-1], np.float32))
+    done = camcal.undistort(photos, camera_file, tmp_path / "o", file_format="png")
+    assert [(one.source, one.reason.split(" (")[0]) for one in done.rejected] == [("b.tif", "pixels that .png cannot hold")]
+    with pytest.raises(InputError, match=r"^b\.tif: pixels that \.png cannot hold .* Write \.tiff instead\.$"):
+        camcal.undistort(photos / "b.tif", camera_file, tmp_path / "p", file_format="png")
+
+
 # --- nothing is lost --------------------------------------------------------------------------------------------------
 
 
@@ -336,8 +385,10 @@ def test_an_input_is_never_replaced(camera_file, tmp_path):
 def test_camera_files_are_never_replaced(camera_file, tmp_path):
     """Neither a calibration's, nor the one that is in use, nor the one of the target; with force too."""
     make_images(tmp_path, "a.png")
-    for name in ("calib", "lone", "single"):
+    for name in ("calib", "lone", "single", "chain"):
         (tmp_path / name).mkdir()
+    chain = tmp_path / "chain/camera.yaml"
+    camcal.export_camera(camera_file, "kalibr", chain)
     shutil.copy(camera_file, tmp_path / "lone/camera.yaml")
     shutil.copy(camera_file, tmp_path / "single/a.camera.yaml")
     (tmp_path / "calib/views.yaml").touch()
@@ -347,6 +398,8 @@ def test_camera_files_are_never_replaced(camera_file, tmp_path):
     for options in ({"camera": tmp_path / "lone"}, {"camera": camera_file, "target": tmp_path / "lone/camera.yaml"}):
         with pytest.raises(InputError, match=r"lone.*would be replaced by the camera of the results"):
             camcal.undistort(image, output=tmp_path / "lone", force=True, **options)
+    with pytest.raises(InputError, match="would be replaced by the camera of the results"):
+        camcal.undistort(image, f"{chain}#cam0", chain.parent, force=True)
     with pytest.raises(InputError, match=r"a\.camera\.yaml: would be replaced"):
         camcal.undistort(image, tmp_path / "single/a.camera.yaml", tmp_path / "single/a.png", force=True)
     assert (tmp_path / "lone/camera.yaml").read_bytes() == camera_file.read_bytes()
@@ -486,6 +539,43 @@ def test_resume_passes_over_only_what_is_the_same(camera_file, tmp_path, caplog)
     assert "also holds 1 file of another camera or other options (first: a.png)" in caplog.text
 
 
+def test_resume_passes_over_any_name(camera_file, tmp_path):
+    """A line break, a backslash or a quote in a name: done once, and not again, even behind a torn line."""
+    photos = make_images(tmp_path / "photos", "plain.png")
+    names = [
+        os.fsencode(tmp_path / "photos") + b"/" + name
+        for name in (b"two\nlines\n.png", b"back\\n.png", b'quo"te.png', b"\xff\n.png")
+    ]
+    for name in names:
+        shutil.copy(photos / "plain.png", name)
+    camcal.undistort(photos, camera_file, tmp_path / "o")
+    ledger = tmp_path / "o" / LEDGER_NAME
+    ledger.write_bytes(ledger.read_bytes() + b'"torn\n')
+    done = camcal.undistort(photos, camera_file, tmp_path / "o", resume=True)
+    assert done.images == ()
+    assert len(done.already_done) == 1 + len(names)
+
+
+def test_two_runs_in_one_folder(camera_file, tmp_path, monkeypatch):
+    """While one run writes into a folder, another that would is refused, whatever it may overwrite; then it may."""
+    photos = make_images(tmp_path / "photos", "a.png", "b.png")
+    into = tmp_path / "o"
+    real, refusals = undistort_work.undistort_image_file, []
+
+    def meanwhile(*arguments):
+        if not refusals:
+            command = [sys.executable, "-m", "camcal", "undistort", photos, "--camera", camera_file, "-o", into, "--force"]
+            refusals.append(subprocess.run(command, capture_output=True, text=True, check=False))
+        return real(*arguments)
+
+    monkeypatch.setattr(undistort_work, "undistort_image_file", meanwhile)
+    camcal.undistort(photos, camera_file, into, jobs=1)
+    assert (refusals[0].returncode, refusals[0].stdout) == (2, "")
+    assert f"{into}: another run is writing into this folder" in refusals[0].stderr
+    assert tree(into) == ["a.png", "b.png", "camera.yaml", LEDGER_NAME]
+    assert camcal.undistort(photos, camera_file, into, resume=True).images == ()
+
+
 def test_resume_begins_where_nothing_is(camera_file, tmp_path):
     """The first run may have --resume too; a folder that no run began is not written into."""
     make_images(tmp_path, "a.png")
@@ -555,7 +645,7 @@ def test_a_dry_run_writes_nothing(camera_file, tmp_path):
 def test_rescale(camera_file, tmp_path):
     """Images twice as large are undistorted by the camera scaled to them: OpenCV's answer with a K scaled by hand."""
     make_images(tmp_path, "a.png", size=(128, 96))
-    with pytest.raises(InputError, match="got 128x96, expected 64x48"):
+    with pytest.raises(InputError, match=r"got 128x96, expected 64x48.*--rescale"):
         camcal.undistort(tmp_path / "a.png", camera_file, tmp_path / "o")
     done = camcal.undistort(tmp_path / "a.png", camera_file, tmp_path / "o", rescale=True)
     assert done.target.size == (128, 96)
@@ -576,6 +666,23 @@ def test_rescale_of_another_aspect_ratio(camera_file, tmp_path):
     done = camcal.undistort(photos, camera_file, tmp_path / "p", rescale=True)
     assert done.images == ("a.png",)
     assert "got 64x48, expected 128x96" in done.rejected[0].reason
+
+
+def test_a_fold_is_not_passed_over_in_silence(tmp_path, caplog):
+    """Who wants to see all of the image hears how much of it the lens model cannot place; who wants the middle need not."""
+    save_intrinsics(tmp_path / "c.yaml", Intrinsics(FOLDED))
+    photos = make_images(tmp_path / "photos", "a.png")
+    # 1 - 1.8 r² + 0.5 r⁴ = 0 at r = 0.8327; r (1 - 0.6 r² + 0.1 r⁴) there is 0.5264: 26.3 px of the 39.3 to the corners.
+    u, v = np.meshgrid(np.arange(64) - 31.5, np.arange(48) - 23.5)
+    past = float((np.hypot(u, v) > 50 * 0.5264).mean())
+    with caplog.at_level(logging.WARNING, logger="camcal"):
+        camcal.undistort(photos, tmp_path / "c.yaml", tmp_path / "o")
+        assert not caplog.records
+        camcal.undistort(photos, tmp_path / "c.yaml", tmp_path / "p", alpha=1)
+    told = re.search(r"folds 26 px from the principal point; what lies farther out, ([\d.]+)% of the image", caplog.text)
+    assert told is not None
+    # Both grids, of pixels and of nodes, count a ring of about 165 px with an error of a share of its length.
+    assert float(told[1]) / 100 == pytest.approx(past, abs=0.02)
 
 
 def test_distort_undoes_undistort(tmp_path):
@@ -620,6 +727,17 @@ def test_fill_is_red_green_blue(camera_file, tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("fill", "got"), [(256, "256"), (-1, "-1"), (0.5, "0.5"), ((1, 2, 300), "300"), ((1, 2, 3, 4), "4 numbers")]
+)
+def test_fill_that_is_no_pixel(camera_file, tmp_path, fill, got):
+    """What does not fit is said as it was given, with what would."""
+    make_images(tmp_path, "a.png")
+    expected = rf"^a\.png: --fill: no value of such pixels \(got {got}, expected one whole number from 0 to 255, or 3 of them\)"
+    with pytest.raises(InputError, match=expected):
+        camcal.undistort(tmp_path / "a.png", camera_file, tmp_path / "o", fill=fill)
+
+
+@pytest.mark.parametrize(
     ("options", "match"),
     [
         ({"alpha": 1.5}, "--alpha"),
@@ -629,7 +747,8 @@ def test_fill_is_red_green_blue(camera_file, tmp_path):
         ({"interpolation": "nearest"}, "--interpolation"),
         ({"gamma": "none"}, "--gamma"),
         ({"quality": 101}, "--quality"),
-        ({"file_format": "heic"}, "--format: not a format to write"),
+        ({"file_format": "heic"}, "--format: not a format to write .*expected one of jpg"),
+        ({"file_format": "pgn"}, r"--format: not a format to write \(got 'pgn'\)\. Did you mean 'p[ng]"),
         ({"file_format": "mp4"}, "--format: mp4 is for a video"),
         ({"codec": "h264"}, "--codec: only for videos"),
         ({"frames": "0:3"}, "--frames: only for videos"),

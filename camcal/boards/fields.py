@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import operator
 import re
 from collections.abc import Iterable
 from decimal import Decimal
 from fractions import Fraction
+
+from camcal.nearest import did_you_mean
 
 UNITS_M = {"mm": Fraction(1, 1000), "cm": Fraction(1, 100), "m": Fraction(1), "in": Fraction(254, 10000)}
 """Metres of each unit of length that a one-liner may use."""
@@ -76,9 +77,7 @@ def parse_choice(text: str, choices: Iterable[str], name: str) -> str:
     known = tuple(choices)
     if text in known:
         return text
-    near = difflib.get_close_matches(text.lower(), known, n=1)
-    advice = f" Did you mean '{near[0]}'?" if near else ""
-    raise ValueError(f"{name}: unknown (got {text!r}, expected one of {', '.join(known)}).{advice}")
+    raise ValueError(f"{name}: unknown (got {text!r}, expected one of {', '.join(known)}).{did_you_mean(text, known)}")
 
 
 def format_length(length_m: float) -> str:

@@ -53,6 +53,10 @@ def parse_board(spec: str) -> Board:
     spec : str
         `KIND:FIELD:...:option=value...`, e.g. `checkerboard:9x6:25mm` or `aprilgrid:6x6:88mm:0.3:family=tag36h10`.
 
+    Returns
+    -------
+    Board
+
     Raises
     ------
     InputError

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
-
 import numpy as np
 
 from camcal.errors import InputError
 from camcal.geometry.arrays import IntArray
 from camcal.geometry.camera import Camera
 from camcal.geometry.distortion import BrownConrady
+from camcal.nearest import did_you_mean
 
 PINHOLE = ("fx", "fy", "cx", "cy")
 """Always free; skew stays 0, because cv2.calibrateCamera cannot start from anything else."""
@@ -49,10 +48,9 @@ def parse_distortion(text: str) -> tuple[str, ...]:
         return ()
     for name in names:
         if name not in COEFFICIENTS:
-            near = difflib.get_close_matches(name, COEFFICIENTS, n=1, cutoff=0.3)
-            hint = f" Did you mean {near[0]}?" if near else ""
             raise InputError(
-                f"--distortion: unknown coefficient (got {name!r}, expected some of {', '.join(COEFFICIENTS)}).{hint}"
+                f"--distortion: unknown coefficient (got {name!r}, expected some of {', '.join(COEFFICIENTS)})."
+                + did_you_mean(name, (*COEFFICIENTS, "auto", "none"))
             )
     if not names or len(set(names)) != len(names):
         raise InputError(f"--distortion: each coefficient once (got {text!r}, expected e.g. 'k1,k2,k3' or 'none').")

@@ -6,38 +6,55 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 import click
 
 from camcal import __version__
-from camcal.cli import options
+from camcal.cli import completion, options
 from camcal.cli.board import board
 from camcal.cli.calibrate import calibrate
+from camcal.cli.completion_script import completion as completion_script
 from camcal.cli.console import complain, say
 from camcal.cli.demo import demo
+from camcal.cli.detect import detect
+from camcal.cli.export import export
+from camcal.cli.formatting import Context
+from camcal.cli.import_ import import_
+from camcal.cli.loudness import loudness_options
 from camcal.cli.regress import regress
+from camcal.cli.report import report
+from camcal.cli.schema import schema
 from camcal.cli.synth import synth
 from camcal.cli.undistort import undistort
 from camcal.cli.verify import verify
 from camcal.errors import CamcalError, InputError
+from camcal.nearest import did_you_mean
 
-_COMPLETION = "_CAMCAL_COMPLETE"
-"""Set by a shell that asks click for completions."""
+_UNCUT = 500
 
 
 class Commands(click.Group):
-    """A group that names the command nearest to a mistyped one."""
+    """A group that names the command nearest to a mistyped one, and can be quiet or verbose."""
+
+    context_class = Context
+
+    def __init__(self, *arguments: Any, **settings: Any) -> None:
+        super().__init__(*arguments, **settings)
+        self.params[:0] = loudness_options()
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the command, or say which was probably meant."""
         name = args[0]
         if name in self.commands or ctx.resilient_parsing or name.startswith("-"):
             return super().resolve_command(ctx, args)
-        import difflib
+        advice = did_you_mean(name, self.commands) or f" Expected one of {', '.join(self.commands)}."
+        raise click.UsageError(f"No such command {name!r}.{advice}", ctx)
 
-        near = difflib.get_close_matches(name, self.commands, n=1)
-        advice = f"Did you mean '{near[0]}'?" if near else f"Expected one of {', '.join(self.commands)}."
-        raise click.UsageError(f"No such command {name!r}. {advice}", ctx)
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write each command with the whole of its first sentence."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, self.commands[name].get_short_help_str(_UNCUT)) for name in self.list_commands(ctx)])
 
 
 def _show_version(context: click.Context, _: click.Parameter, wanted: bool) -> None:
@@ -66,7 +83,21 @@ def cli(context: click.Context) -> None:
         context.exit(InputError.exit_code)
 
 
-for _command in (demo, board, synth, calibrate, undistort, verify, regress):
+for _command in (
+    demo,
+    board,
+    synth,
+    detect,
+    calibrate,
+    report,
+    undistort,
+    verify,
+    regress,
+    export,
+    import_,
+    schema,
+    completion_script,
+):
     cli.add_command(_command)
 
 
@@ -81,7 +112,7 @@ def run(arguments: Sequence[str]) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         # A file name that is not UTF-8, or a terminal without "±", is no reason to lose a result.
         sys.stdout.reconfigure(errors="backslashreplace")
-    if _COMPLETION in os.environ:
+    if completion.VARIABLE in os.environ:
         cli.main(prog_name="camcal")
     try:
         with cli.make_context("camcal", list(arguments)) as context:

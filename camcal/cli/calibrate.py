@@ -6,6 +6,7 @@ import click
 
 from camcal.cli import options
 from camcal.cli.console import ConsoleReporter, print_json
+from camcal.cli.image_size import read_size
 from camcal.errors import InputError, QualityError
 
 _LONGEST_NAME = 1000
@@ -44,7 +45,11 @@ _LONGEST_NAME = 1000
 )
 @click.option("--anamorphic", is_flag=True, help="Accept pixels that are far from square.")
 @click.option("--only-used", is_flag=True, help="With a corners.csv: keep its choice of corners.")
+@click.option("--size", metavar="WxH", callback=read_size, help="With corners of another tool: size of the images.")
 @click.option("--undistort", is_flag=True, help="Write the undistorted images as well.")
+@click.option("--no-report", is_flag=True, help="Do not write report.html.")
+@click.option("--plots", metavar="DIR", help="Write the report's figures as files as well, for papers.")
+@options.plot_formats
 @click.option("--name", default="camera", show_default=True, help="Name of the camera in camera.yaml.")
 @options.jobs
 @options.force
@@ -65,7 +70,11 @@ def calibrate(
     twin: int,
     anamorphic: bool,
     only_used: bool,
+    size: tuple[int, int] | None,
     undistort: bool,
+    no_report: bool,
+    plots: str | None,
+    plot_formats: tuple[str, ...],
     name: str,
     jobs: int | None,
     force: bool,
@@ -73,8 +82,9 @@ def calibrate(
 ) -> None:
     """Find the board in photographs and solve for the camera.
 
-    IMAGES are files, folders or globs, or one corners.csv, whose corners are then solved without any detection. Writes
-    camera.yaml, views.yaml, corners.csv and board.yaml. Exit code 5 when the result is written but must not be trusted.
+    IMAGES are files, folders or globs; or one file of corners (camcal's, mrcal's, MATLAB's or another CSV), which are then
+    solved without any detection. Writes camera.yaml, views.yaml, corners.csv, board.yaml and report.html. Exit code 5 when
+    the result is written but must not be trusted.
     """
     _check_name(name)
     from camcal.trust.assess import Gates
@@ -97,7 +107,11 @@ def calibrate(
         twin=twin,
         anamorphic=anamorphic,
         only_used=only_used,
+        size=size,
         undistort=undistort,
+        report=not no_report,
+        plots=plots,
+        plot_formats=plot_formats,
         name=name,
         force=force,
         jobs=jobs,
@@ -108,7 +122,7 @@ def calibrate(
     else:
         from camcal.cli.summary import print_calibration
 
-        print_calibration(run, images, undistort)
+        print_calibration(run, images, undistorted=undistort, report=not no_report)
     if run.verdict.problems:
         raise QualityError(f"{run.folder}: written, but must not be trusted: {run.verdict.problems[0]}")
 

@@ -12,35 +12,61 @@ from typing import TYPE_CHECKING, TextIO
 
 import click
 
+from camcal.cli import style
+from camcal.cli.loudness import DETAILS, NO_PROGRESS, NO_WARNINGS, loudness
+from camcal.cli.width import WIDTH, shortened, wrapped
 from camcal.errors import InputError
 
 if TYPE_CHECKING:
+    from camcal.cli.progress import Display
     from camcal.workflows.reporting import Advance
 
-_WIDTH = 10_000
-"""Columns a table may take: a terminal that is too narrow wraps a line, which beats numbers cut off."""
+PROGRAM = "camcal:"
+_UNBOUNDED = 10_000
+_BETWEEN = 3
+"""Columns between two of a table."""
 
 
 class ConsoleReporter:
-    """Warnings as lines on stderr; progress bars there too, but only on a terminal."""
+    """Warnings and details as lines on stderr; progress there too, but only on a terminal; as loud as was asked for."""
+
+    def __init__(self) -> None:
+        self._loudness = loudness()
+        self._display: Display | None = None
 
     def warn(self, text: str) -> None:
         """Print one warning."""
-        complain(f"warning: {text}")
+        if self._loudness > NO_WARNINGS:
+            self._print(f"{PROGRAM} {style.warning('warning:')}", text)
+
+    def detail(self, text: str) -> None:
+        """Print one line of what was decided."""
+        if self._loudness >= DETAILS:
+            self._print(style.aside(PROGRAM), text)
 
     @contextmanager
-    def progress(self, label: str, total: int) -> Iterator[Advance]:
-        """Show a bar with rate and remaining time while the block runs."""
-        if not sys.stderr.isatty():
+    def progress(self, label: str, total: int | None) -> Iterator[Advance]:
+        """Show a row with rate and remaining time while the block runs; then tell how long it took, if details are wanted."""
+        shown = self._loudness > NO_PROGRESS and style.is_terminal(sys.stderr)
+        if not shown and self._loudness < DETAILS:
             yield lambda: None
             return
-        from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+        from camcal.cli.progress import Display, Step, rate
 
-        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-            task = bar.add_task(label, total=total)
-            yield lambda: bar.advance(task)
+        if shown:
+            self._display = self._display or Display()
+            with self._display.step(label, total) as (step, advance):
+                yield advance
+        else:
+            step = Step(label, total)
+            yield lambda: None
+        seconds = step.elapsed_s
+        self.detail(f"{label}: {f'{total} in ' if total else ''}{seconds:.2f} s{f', {rate(total, seconds)}' if total else ''}")
+
+    def _print(self, announced: str, text: str) -> None:
+        """Print a line above the progress."""
+        if self._display is None or not self._display.print_above(_line(announced, text)):
+            complain(text, announced)
 
 
 def say(text: str) -> None:
@@ -52,7 +78,7 @@ def say(text: str) -> None:
         If it cannot be written for another reason, such as a full disk.
     """
     try:
-        click.echo(text)
+        click.echo(text, color=style.in_colour(sys.stdout))
     except OSError as error:
         silence(sys.stdout)
         if not isinstance(error, BrokenPipeError):
@@ -60,13 +86,41 @@ def say(text: str) -> None:
             raise InputError(f"standard output: cannot be written ({problem}). Send it somewhere else.") from None
 
 
-def complain(text: str) -> None:
-    """Print one line to stderr; a stderr that cannot be written leaves nobody to tell."""
-    line = "".join(character if character.isprintable() else repr(character)[1:-1] for character in text)
+def say_wrapped(text: str) -> None:
+    """Print a sentence to stdout, broken at blanks so that it fits a terminal; elsewhere it stays one line."""
+    say(wrapped(text) if style.is_terminal(sys.stdout) else text)
+
+
+def complain(text: str, announced: str = "") -> None:
+    """Print one message to stderr; a stderr that cannot be written leaves nobody to tell.
+
+    Parameters
+    ----------
+    text : str
+    announced : str
+        What stands before it; the mark of a failure by default.
+    """
     try:
-        click.echo(f"camcal: {line}", err=True)
+        click.echo(_line(announced or style.failure(PROGRAM), text), err=True, color=style.in_colour(sys.stderr))
     except OSError:
         silence(sys.stderr)
+
+
+def _line(announced: str, text: str) -> str:
+    """Put a text on one line; on a terminal it goes on below, under its beginning, instead of being broken within a word."""
+    line = "".join(character if character.isprintable() else repr(character)[1:-1] for character in text)
+    if style.is_terminal(sys.stderr):
+        plain = click.unstyle(announced) + " "
+        line = wrapped(line, plain, "  ", _columns(sys.stderr))[len(plain) :]
+    return f"{announced} {line}"
+
+
+def _columns(stream: TextIO) -> int:
+    """Return how many columns a terminal has."""
+    try:
+        return os.get_terminal_size(stream.fileno()).columns or WIDTH
+    except (OSError, ValueError):
+        return WIDTH
 
 
 def silence(stream: TextIO) -> None:
@@ -77,7 +131,33 @@ def silence(stream: TextIO) -> None:
 
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int] = (0,)) -> None:
-    """Print a table of numbers, right-aligned but for the columns `left`; no header, no header row."""
+    """Print a table of numbers, right-aligned but for the columns `left`; no header, no header row.
+
+    A table that is too wide goes on below, with its first column again: no number is ever cut.
+    """
+    say(style.heading(wrapped(title)))
+    for columns in _parts(header, rows):
+        part = [[row[column] for column in columns] for row in rows]
+        aligned_left = [place for place, column in enumerate(columns) if column in left]
+        say("\n".join(_table_lines([header[column] for column in columns] if header else [], part, aligned_left)) + "\n")
+
+
+def _parts(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[list[int]]:
+    """Share the columns of a table out among as few tables as fit, each beginning with the first column."""
+    widths = [max(map(len, column)) for column in zip(*([header] if header else []), *rows, strict=True)]
+    whole = WIDTH - 1 - widths[0]
+    parts, room = [[0]], whole
+    for column, width in enumerate(widths[1:], start=1):
+        if width + _BETWEEN > room and len(parts[-1]) > 1:
+            parts.append([0])
+            room = whole
+        parts[-1].append(column)
+        room -= width + _BETWEEN
+    return parts
+
+
+def _table_lines(header: Sequence[str], rows: Sequence[Sequence[str]], left: Sequence[int]) -> list[str]:
+    """Lines of a table, however wide."""
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -87,18 +167,24 @@ def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]
         table.add_column(header[index] if header else "", justify="left" if index in left else "right", no_wrap=True)
     for row in rows:
         table.add_row(*row)
-    console = Console(file=io.StringIO(), highlight=False, width=_WIDTH)
+    console = Console(file=io.StringIO(), highlight=False, markup=False, emoji=False, width=_UNBOUNDED)
     lines = [line.rstrip() for line in "".join(segment.text for segment in console.render(table)).splitlines()]
-    say(click.style(title, bold=True))
-    say("\n".join(line for line in lines if line) + "\n")
+    return [line for line in lines if line]
 
 
 def print_facts(facts: Mapping[str, str]) -> None:
-    """Print named facts, one per line; empty ones are left out."""
+    """Print named facts, one below the other; empty ones are left out, long ones go on below, under their beginning."""
     width = max(len(name) for name in facts)
     for name, fact in facts.items():
         if fact:
-            say(f"{name:<{width}}  {fact}")
+            first = f"{name:<{width}}  "
+            # Who breaks lines already knows where.
+            say(first + fact if "\n" in fact else wrapped(fact, first, " " * len(first)))
+
+
+def fitted(name: str, room: int) -> str:
+    """Return a name as it fits beside numbers on a terminal; elsewhere, where it may be looked for, it stays whole."""
+    return shortened(name, room) if style.is_terminal(sys.stdout) else name
 
 
 def number(value: float, form: str) -> str:

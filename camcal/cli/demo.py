@@ -18,6 +18,7 @@ from camcal.errors import QualityError
 def demo(output: str, jobs: int | None, force: bool) -> None:
     """Show the whole chain: render a dataset, calibrate from its pixels, undistort it, compare with the truth."""
     from camcal.workflows.demo import demo as run_demo
+    from camcal.workflows.report import REPORT_FILE_NAME
 
     shown = run_demo(output, force=force, jobs=jobs, reporter=ConsoleReporter())
     print_verification(shown.verification)
@@ -26,6 +27,7 @@ def demo(output: str, jobs: int | None, force: bool) -> None:
         {
             "rendered images and truth": str(made.folder),
             "calibration": str(run.folder),
+            "its report": str(run.folder / REPORT_FILE_NAME) if run.folder else "",
             "undistorted images": str(done.folder),
         }
     )

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 import shlex
-import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
+from camcal.cli import style
 from camcal.cli.console import print_facts, print_table, say
-from camcal.cli.rounding import plus_minus
+from camcal.cli.width import wrapped, wrapped_command
+from camcal.rounding import plus_minus
 
 if TYPE_CHECKING:
     from camcal.geometry.camera import Camera
@@ -25,14 +24,15 @@ _MOST_NAMED = 2
 _OUTSTANDING_RATIO = 2.0
 """A view this many times worse than the median one deserves a look."""
 _MOST_FINDINGS = 3
+_INDENT = 7
+"""Columns that the names of the facts take, with the space behind them."""
 _KNOWN_HEADER = ("", "centre", "edges", "corners", "< 0.1", "< 0.5", "< 1 px")
-_WIDTH = 80
 _SHAPE_WORDS = {"bow_x": "bow along x", "bow_y": "bow along y", "stretch": "stretch along y"}
 _NOTICEABLE_PX = 0.05
 """Below this nothing is wrong with a view, however good the others are."""
 
 
-def print_calibration(run: CalibrationRun, images: Sequence[str], undistorted: bool) -> None:
+def print_calibration(run: CalibrationRun, images: Sequence[str], *, undistorted: bool = False, report: bool = False) -> None:
     """Print a finished calibration.
 
     Parameters
@@ -42,6 +42,8 @@ def print_calibration(run: CalibrationRun, images: Sequence[str], undistorted: b
         The inputs as the user gave them, for the command to run next.
     undistorted : bool
         Whether the undistorted images are written already.
+    report : bool
+        Whether the report is.
     """
     known, calibration = run.intrinsics, run.calibration
     horizontal, vertical, _ = known.camera.field_of_view_deg
@@ -58,7 +60,9 @@ def print_calibration(run: CalibrationRun, images: Sequence[str], undistorted: b
             "lens": _validity(known.camera),
             "board": _shape(known.shape),
             "check": _cross_check(known.cross_validation),
-            "files": f"{run.folder}: {_FILES}" + (", undistorted/" if undistorted else ""),
+            "files": f"{run.folder}: {_FILES}"
+            + (", report.html" if report else "")
+            + (", undistorted/" if undistorted else ""),
             "next": "" if known.problems else _next(run.folder or Path(), images, undistorted),
         }
     )
@@ -72,10 +76,11 @@ def print_calibration(run: CalibrationRun, images: Sequence[str], undistorted: b
 
 def print_verdict(verdict: Verdict) -> None:
     """Print the word, and the findings that decide it, each with what to do."""
-    say("\n" + click.style(f"verdict: {verdict.word}", bold=True))
+    say("\n" + style.heading("verdict: ") + style.level(verdict.word))
     shown = verdict.findings[:_MOST_FINDINGS]
     for finding in shown:
-        say(textwrap.fill(str(finding), _WIDTH, initial_indent="- ", subsequent_indent="  ", break_on_hyphens=False))
+        # Marked after it is wrapped: what a mark adds has no width.
+        say(wrapped(str(finding), f"- {finding.level}: ", "  ").replace(finding.level, style.level(finding.level), 1))
     more = len(verdict.findings) - len(shown)
     if more:
         say(f"  ({more} more {'finding' if more == 1 else 'findings'} in camera.yaml)")
@@ -166,7 +171,14 @@ def _validity(camera: Camera) -> str:
 
 def _next(folder: Path, images: Sequence[str], undistorted: bool) -> str:
     """Return the command to run next: the images without their lens, else the check against another calibration."""
-    if undistorted or str(images[0]).lower().endswith(".csv"):
-        return shlex.join(["camcal", "verify", str(folder), "--truth"]) + " OTHER_CALIBRATION"
+    from camcal.formats.corner_exchange.table import is_corners_path
+
+    if undistorted or is_corners_path(images[0]):
+        return _command("verify", shlex.quote(str(folder)), "--truth OTHER_CALIBRATION")
     named = shlex.quote(images[0]) if len(images) == 1 else "IMAGES"
-    return f"camcal undistort {named} --camera {shlex.quote(str(folder / 'camera.yaml'))} -o undistorted"
+    return _command("undistort", named, f"--camera {shlex.quote(str(folder / 'camera.yaml'))}", "-o undistorted")
+
+
+def _command(name: str, argument: str, *options: str) -> str:
+    """Write a command as it fits under the other facts."""
+    return wrapped_command([f"camcal {name} {argument}", *options], indent=_INDENT)

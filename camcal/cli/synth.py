@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from camcal.cli import options
-from camcal.cli.console import ConsoleReporter, say
+from camcal.cli.console import ConsoleReporter, say_wrapped
 
 
 @click.command(cls=options.Command, epilog="Example: camcal synth webcam_720p -o data/")
@@ -25,4 +25,4 @@ def synth(config: str, output: str, jobs: int | None, force: bool) -> None:
 
     made = render(config, output, force=force, jobs=jobs, reporter=ConsoleReporter())
     views, board = made.scenario.views.count, made.scenario.board.spec
-    say(f"{made.folder}: {views} views of {board}, {made.corners} corners, with their truth.")
+    say_wrapped(f"{made.folder}: {views} views of {board}, {made.corners} corners, with their truth.")

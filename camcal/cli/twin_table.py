@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from camcal.cli.console import print_facts, print_table
-from camcal.cli.rounding import point_in_line, rounded, spread
+from camcal.rounding import point_in_line, rounded, spread
 
 if TYPE_CHECKING:
     from camcal.compare.twins import TwinErrors

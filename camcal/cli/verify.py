@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import click
 
 from camcal.cli import options
-from camcal.cli.console import number, print_json, print_table
-from camcal.cli.rounding import as_given, plus_minus, point_in_line, rounded
+from camcal.cli.console import ConsoleReporter, number, print_json, print_table
 from camcal.errors import QualityError
+from camcal.rounding import as_given, plus_minus, point_in_line, rounded
 
 if TYPE_CHECKING:
     from camcal.workflows.verify import Verification
@@ -20,9 +20,12 @@ if TYPE_CHECKING:
 @click.option("--truth", required=True, metavar="FILE|DIR", help="Folder or camera file that holds the truth.")
 @click.option("--max-diff", type=float, metavar="PX", help="Fail if the projection differs by more, anywhere in the image.")
 @click.option("--max-sigma", type=float, metavar="N", help="Fail if a parameter is off by more standard deviations.")
+@options.html
 @options.as_json
 @options.help_option
-def verify(estimate: str, truth: str, max_diff: float | None, max_sigma: float | None, as_json: bool) -> None:
+def verify(
+    *, estimate: str, truth: str, max_diff: float | None, max_sigma: float | None, html: str | None, as_json: bool
+) -> None:
     """Tell how far an estimated camera is from the truth.
 
     ESTIMATE and TRUTH are folders written by `calibrate` or `synth`, or camera files. The projection difference is taken
@@ -31,7 +34,8 @@ def verify(estimate: str, truth: str, max_diff: float | None, max_sigma: float |
     """
     from camcal.workflows.verify import verify as compare
 
-    result = compare(estimate, truth, max_diff_px=max_diff, max_sigma=max_sigma)
+    with ConsoleReporter().progress("Comparing", None):
+        result = compare(estimate, truth, max_diff_px=max_diff, max_sigma=max_sigma, html=html)
     if as_json:
         print_json(result.as_dict())
     else:

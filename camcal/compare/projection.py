@@ -84,6 +84,14 @@ def projection_difference(reference: Camera, other: Camera) -> ProjectionDiffere
     ------
     InputError
         If the image sizes differ, or the cameras have nothing valid in common.
+
+    Examples
+    --------
+    >>> import camcal
+    >>> camera = camcal.Camera((640, 480), [[520, 0, 322], [0, 523, 236], [0, 0, 1]])
+    >>> longer = camcal.Camera((640, 480), [[525.2, 0, 322], [0, 528.23, 236], [0, 0, 1]])
+    >>> round(camcal.projection_difference(camera, longer).max_px, 1)
+    4.0
     """
     if reference.size != other.size:
         got, expected = ("{}x{}".format(*camera.size) for camera in (other, reference))

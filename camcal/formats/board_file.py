@@ -14,6 +14,7 @@ from camcal.boards.spec import KINDS, parse_board
 from camcal.errors import InputError
 from camcal.formats.output import write_atomically
 from camcal.formats.text import shown
+from camcal.nearest import did_you_mean
 
 BOARD_FILE_NAME = "board.yaml"
 
@@ -34,10 +35,24 @@ def load_board(spec: str, folder: str | Path = ".") -> Board:
     folder : str or Path
         What a relative path is relative to.
 
+    Returns
+    -------
+    Board
+
     Raises
     ------
     InputError
         If the file is missing or cannot be used, or the SPEC makes no sense.
+
+    Examples
+    --------
+    >>> import tempfile, camcal
+    >>> camcal.load_board("checkerboard_9x6_25mm_a4").spec
+    'checkerboard:9x6:25mm'
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     camcal.save_board(f"{folder}/board.yaml", camcal.load_board("aprilgrid:6x6:88mm:0.3"))
+    ...     camcal.load_board(folder).spec
+    'aprilgrid:6x6:88mm:0.3'
     """
     path = Path(folder) / spec
     try:
@@ -53,14 +68,22 @@ def load_board(spec: str, folder: str | Path = ".") -> Board:
     if spec.lower().endswith((".yaml", ".yml")) or any(mark in spec for mark in {"/", os.sep}):
         raise InputError(f"{shown(str(path))[1:-1]}: no such board file. Check the path.")
     if ":" not in spec and spec not in KINDS:
-        known = ", ".join(resources.sample_board_names())
+        names = resources.sample_board_names()
         example = next(iter(KINDS.values())).example
-        raise InputError(f"board {shown(spec)}: neither a file, nor a sample board ({known}), nor a SPEC such as {example}")
+        raise InputError(
+            f"board {shown(spec)}: neither a file, nor a sample board ({', '.join(names)}), nor a SPEC such as {example}."
+            + did_you_mean(spec, (*KINDS, *names))
+        )
     return parse_board(spec)
 
 
 def save_board(path: str | Path, board: Board) -> None:
     """Write a board file.
+
+    Parameters
+    ----------
+    path : str or Path
+    board : Board
 
     Raises
     ------

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from camcal.boards.aprilgrid import AprilGrid
+from camcal.boards.aprilgrid import BORDER_BITS, FAMILIES, FIRST_TAGS, AprilGrid
 from camcal.boards.base import Board
 from camcal.boards.checkerboard import Checkerboard
-from camcal.formats.validation import Number, Schema, Whole, validate
+from camcal.formats.validation import Number, Schema, Whole, schema_only, validate
 from camcal.formats.yaml_io import Document, describe, load_yaml
+from camcal.nearest import did_you_mean
 
 # What the boards' own checks call a value, and the key it stands under.
 _KEYS = {
@@ -31,48 +32,78 @@ _KALIBR_KEYS = {"columns": "tagCols", "rows": "tagRows", "tag_m": "tagSize", "ga
 _KALIBR_SQUARE_KEYS = {"columns": "targetCols", "rows": "targetRows", "square_m": "rowSpacingMeters"}
 
 
+# What the boards themselves check, in words of their own.
+_Corners = Annotated[Whole, schema_only(minimum=3, maximum=100)]
+_Tags = Annotated[Whole, schema_only(minimum=2, maximum=100)]
+_Length = Annotated[Number, schema_only(minimum=1e-5, maximum=10)]
+
+
 class CheckerboardFile(Schema):
-    """camcal's checkerboard."""
+    """A checkerboard, counted in inner corners, where four squares meet: one less than the squares."""
 
     type: Literal["checkerboard"]
-    columns: Whole
-    rows: Whole
-    square_m: Number
+    """The kind of board."""
+    columns: _Corners
+    """Inner corners from left to right."""
+    rows: _Corners
+    """Inner corners from top to bottom."""
+    square_m: _Length
+    """Side of a square, metres."""
 
 
 class AprilGridFile(Schema):
-    """camcal's AprilGrid; what is not given is as on Kalibr's boards."""
+    """A grid of AprilTags; what is not given is as on Kalibr's boards."""
 
     type: Literal["aprilgrid"]
-    columns: Whole
-    rows: Whole
-    tag_m: Number
-    gap_m: Number
-    family: str = "tag36h11"
-    first: str = "bottom-left"
-    border_bits: Whole = 2
+    """The kind of board."""
+    columns: _Tags
+    """Tags from left to right."""
+    rows: _Tags
+    """Tags from top to bottom."""
+    tag_m: _Length
+    """Outer side of a tag's black border, metres."""
+    gap_m: _Length
+    """Free space between neighbouring tags, metres; at most twice the tag."""
+    family: Annotated[str, schema_only(enum=list(FAMILIES))] = "tag36h11"
+    """Family of the tags."""
+    first: Annotated[str, schema_only(enum=list(FIRST_TAGS))] = "bottom-left"
+    """Where tag 0 is: ids run right, then up from the bottom (Kalibr) or down from the top."""
+    border_bits: Annotated[Whole, schema_only(enum=sorted(BORDER_BITS))] = 2
+    """Width of a tag's black border in bits: 2 (Kalibr) or 1 (official tags)."""
     squares: bool = True
+    """Whether black squares stand at every crossing of the gaps."""
 
 
 class KalibrAprilGrid(Schema):
     """Kalibr's AprilGrid; the spacing is a ratio of the tag's side."""
 
     target_type: Literal["aprilgrid"]
-    tagCols: Whole  # noqa: N815 - Kalibr's name
-    tagRows: Whole  # noqa: N815
-    tagSize: Number  # noqa: N815
-    tagSpacing: Number  # noqa: N815
+    """The kind of board."""
+    tagCols: _Tags  # noqa: N815 - Kalibr's name
+    """Tags from left to right."""
+    tagRows: _Tags  # noqa: N815
+    """Tags from bottom to top."""
+    tagSize: _Length  # noqa: N815
+    """Outer side of a tag's black border, metres."""
+    tagSpacing: Annotated[Number, schema_only(exclusiveMinimum=0, maximum=2)]  # noqa: N815
+    """Gap between tags over the tag's side."""
     codeOffset: Literal[0] = 0  # noqa: N815
+    """Id of the first tag."""
 
 
 class KalibrCheckerboard(Schema):
     """Kalibr's checkerboard, which counts inner corners too."""
 
     target_type: Literal["checkerboard"]
-    targetCols: Whole  # noqa: N815 - Kalibr's name
-    targetRows: Whole  # noqa: N815
-    rowSpacingMeters: Number  # noqa: N815
-    colSpacingMeters: Number  # noqa: N815
+    """The kind of board."""
+    targetCols: _Corners  # noqa: N815 - Kalibr's name
+    """Inner corners from left to right."""
+    targetRows: _Corners  # noqa: N815
+    """Inner corners from bottom to top."""
+    rowSpacingMeters: _Length  # noqa: N815
+    """Side of a square, metres."""
+    colSpacingMeters: _Length  # noqa: N815
+    """The same again: squares must be square."""
 
 
 def read_board(path: str | Path) -> Board:
@@ -93,7 +124,11 @@ def read_board(path: str | Path) -> Board:
         raise document.error((key,), "missing (expected checkerboard or aprilgrid). Add it; Kalibr's is called target_type.")
     kind = document.data[key]
     if not isinstance(kind, str) or kind not in readers[key]:
-        raise document.error((key,), f"unknown kind of board (got {describe(kind)}, expected {' or '.join(readers[key])})")
+        raise document.error(
+            (key,),
+            f"unknown kind of board (got {describe(kind)}, expected {' or '.join(readers[key])})."
+            + did_you_mean(str(kind), readers[key]),
+        )
     return readers[key][kind](document)
 
 

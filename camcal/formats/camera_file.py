@@ -19,6 +19,7 @@ from camcal.observations import ImageSigma, Intrinsics, Uncertainty
 
 CAMERA_FILE_NAME = "camera.yaml"
 
+_CHOICE = "#"
 _RATIONAL_NAMES = ("k4", "k5", "k6")
 _HEADING = """\
 Pixels have whole-number centres: the centre of the top-left pixel is (0, 0). Coefficients stand in OpenCV's order.
@@ -43,39 +44,70 @@ def save_intrinsics(path: str | Path, intrinsics: Intrinsics) -> None:
 
 
 def load_intrinsics(path: str | Path) -> Intrinsics:
-    """Read a camera file, camcal's own or ROS's camera_info.
+    """Read a camera file: camcal's own, or one of ROS, OpenCV, Kalibr, COLMAP, mrcal, nerfstudio, MATLAB, or our JSON.
 
     Parameters
     ----------
     path : str or Path
-        A file, or a folder that holds `camera.yaml`.
+        A file, or a folder that holds `camera.yaml`. `FILE#NAME` is the camera of that name in a file that has several.
 
     Returns
     -------
     Intrinsics
-        The covariance is rebuilt from the standard deviations and correlations; without camcal's own mapping all that only it
-        knows is empty.
+        The covariance is rebuilt from the standard deviations and correlations; what only camcal knows is empty for the files
+        of other tools.
 
     Raises
     ------
     InputError
         If it cannot be used; says `file:line: key: problem`.
+
+    Examples
+    --------
+    >>> import tempfile, camcal
+    >>> camera = camcal.Camera((640, 480), [[520, 0, 322], [0, 523, 236], [0, 0, 1]])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     camcal.save_intrinsics(f"{folder}/camera.yaml", camcal.Intrinsics(camera, name="left"))
+    ...     known = camcal.load_intrinsics(folder)
+    >>> known.name, known.camera
+    ('left', Camera(640x480, fx=520, fy=523, cx=322, cy=236))
     """
     file = file_in(path, CAMERA_FILE_NAME)
     known = read_quickly(file)
     if known is not None:
         return known
     # pydantic takes its time to import: only for files of other tools, and to say what is wrong with one.
-    from camcal.formats.camera_schema import read_intrinsics
+    from camcal.formats.exchange.reading import read_any
 
-    return read_intrinsics(file)
+    return read_any(file)
+
+
+def split_choice(path: str | Path) -> tuple[Path, str | None]:
+    """Take `FILE#NAME` apart; a file that has such a name itself stays whole."""
+    file, mark, choice = str(path).rpartition(_CHOICE)
+    try:
+        whole = not mark or not file or Path(path).exists() or not Path(file).is_file()
+    except OSError:
+        whole = True
+    return (Path(path), None) if whole else (Path(file), choice)
 
 
 def camera_yaml(intrinsics: Intrinsics) -> str:
     """Return the content of a camera file; the same intrinsics give the same bytes."""
+    content = camera_info(intrinsics) | {"camcal": camera_knowledge(intrinsics)}
+    plain = plain_yaml(content, _HEADING)
+    if plain is not None:
+        return plain
+    from camcal.formats.yaml_dump import dump_yaml
+
+    return dump_yaml(content, _HEADING)
+
+
+def camera_info(intrinsics: Intrinsics) -> dict[str, Any]:
+    """Lay out the camera itself, under ROS's keys."""
     camera = intrinsics.camera
     rational = bool(camera.dist[5:].any()) or any(name in intrinsics.free for name in _RATIONAL_NAMES)
-    content = {
+    return {
         "image_width": camera.size[0],
         "image_height": camera.size[1],
         "camera_name": intrinsics.name,
@@ -84,26 +116,24 @@ def camera_yaml(intrinsics: Intrinsics) -> str:
         "distortion_coefficients": _matrix(camera.dist[None, : 8 if rational else 5]),
         "rectification_matrix": _matrix(np.eye(3)),
         "projection_matrix": _matrix(np.column_stack([camera.K, np.zeros(3)])),
-        "camcal": {
-            "format_version": CAMERA_FORMAT_VERSION,
-            "version": camcal.__version__,
-            "board": intrinsics.board,
-            "free": list(intrinsics.free),
-            "standard_deviations": intrinsics.sigma,
-            "correlations": _correlations(intrinsics.covariance).tolist(),
-            "rms_px": float(intrinsics.rms_px),
-            "views": int(intrinsics.views),
-            "corners": int(intrinsics.corners),
-            "valid_radius_px": camera.valid_radius_px,
-            **_judgement(intrinsics),
-        },
     }
-    plain = plain_yaml(content, _HEADING)
-    if plain is not None:
-        return plain
-    from camcal.formats.yaml_dump import dump_yaml
 
-    return dump_yaml(content, _HEADING)
+
+def camera_knowledge(intrinsics: Intrinsics) -> dict[str, Any]:
+    """Lay out what only camcal knows of a camera: plain numbers, text, lists and mappings."""
+    return {
+        "format_version": CAMERA_FORMAT_VERSION,
+        "version": camcal.__version__,
+        "board": intrinsics.board,
+        "free": list(intrinsics.free),
+        "standard_deviations": intrinsics.sigma,
+        "correlations": _correlations(intrinsics.covariance).tolist(),
+        "rms_px": float(intrinsics.rms_px),
+        "views": int(intrinsics.views),
+        "corners": int(intrinsics.corners),
+        "valid_radius_px": intrinsics.camera.valid_radius_px,
+        **_judgement(intrinsics),
+    }
 
 
 def _judgement(intrinsics: Intrinsics) -> dict[str, Any]:

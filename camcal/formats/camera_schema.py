@@ -1,15 +1,25 @@
-"""What a camera file must look like, and the way from it to intrinsics."""
+"""The way from a camera file to intrinsics, with what its layout alone cannot tell checked."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
-from pydantic import ConfigDict
 
-from camcal.formats.validation import AnyNumber, Count, Name, Number, Schema, Text, Whole, list_of, validate
+from camcal.formats.camera_layout import (
+    LARGEST_SIDE_PX,
+    LENSES,
+    CameraFile,
+    CameraInfo,
+    ImageSigmaEntry,
+    Knowledge,
+    Matrix,
+    ShapeEntry,
+    UncertaintyEntry,
+)
+from camcal.formats.validation import validate
 from camcal.formats.versions import CAMERA_FORMAT_VERSION
 from camcal.formats.yaml_io import Document, KeyPath, describe, load_yaml
 from camcal.geometry.arrays import FloatArray
@@ -17,102 +27,9 @@ from camcal.geometry.camera import Camera
 from camcal.observations import BoardShape, ImageSigma, Intrinsics, Uncertainty
 from camcal.verdict import Finding, Verdict
 
-# Number of coefficients each lens model may have, in OpenCV's order.
-_LENSES = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,)}
-_FISHEYES = ("equidistant", "fisheye", "kannala_brandt", "kannala_brandt4", "omnidirectional", "mei")
-_LARGEST_SIDE_PX = 1_000_000
+FISHEYES = ("equidistant", "fisheye", "kannala_brandt", "kannala_brandt4", "omnidirectional", "mei")
 # Correlations are written to the last bit; a person may round them.
 _SYMMETRY_TOLERANCE = 1e-6
-
-
-class Matrix(Schema):
-    """A matrix as OpenCV and ROS write it."""
-
-    rows: Whole
-    cols: Whole
-    dt: str = "d"
-    data: list[Number]
-
-
-class ShapeEntry(Schema):
-    """How the real board differs from a flat and true print."""
-
-    names: list[Literal["bow_x", "bow_y", "stretch"]]
-    values: list[Number]
-    standard_deviations: list[Number]
-    correlations: list[list[AnyNumber]]
-
-
-class ImageSigmaEntry(Schema):
-    """Standard deviation of the projection over the image."""
-
-    centre_px: AnyNumber
-    edges_px: Annotated[list[AnyNumber], list_of(4)]
-    corners_px: Annotated[list[AnyNumber], list_of(4)]
-    shares: Annotated[list[Number], list_of(3)]
-
-
-class UncertaintyEntry(Schema):
-    """The same at the boards' range and at infinity."""
-
-    range_m: Number
-    at_range: ImageSigmaEntry
-    at_infinity: ImageSigmaEntry
-
-
-class FindingEntry(Schema):
-    """One finding."""
-
-    code: Name
-    level: Literal["rejected", "poor", "usable", "note"]
-    weight: Number
-    text: Text
-    advice: Text
-
-
-class Knowledge(Schema):
-    """The `camcal` mapping: what only camcal writes."""
-
-    format_version: Whole
-    version: Text
-    board: Text
-    free: list[Name]
-    standard_deviations: dict[str, AnyNumber]
-    correlations: list[list[AnyNumber]]
-    rms_px: AnyNumber
-    views: Count
-    corners: Count
-    valid_radius_px: AnyNumber
-    board_shape: ShapeEntry | None = None
-    uncertainty: UncertaintyEntry | None = None
-    cross_validation: AnyNumber = float("nan")
-    verdict: Literal["rejected", "poor", "usable", "good"] | None = None
-    findings: tuple[FindingEntry, ...] = ()
-
-
-class CameraInfo(Schema):
-    """ROS's camera_info; what else other programs keep in such a file is theirs."""
-
-    model_config = ConfigDict(extra="ignore")
-
-    image_width: Whole
-    image_height: Whole
-    camera_name: Text = "camera"
-    distortion_model: str
-    camera_matrix: Matrix
-    distortion_coefficients: Matrix
-    rectification_matrix: Matrix | None = None
-    projection_matrix: Matrix | None = None
-
-
-class CameraFile(CameraInfo):
-    """camcal's own camera file: nothing in it is unknown."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    rectification_matrix: Matrix
-    projection_matrix: Matrix
-    camcal: Knowledge
 
 
 def read_intrinsics(path: str | Path) -> Intrinsics:
@@ -123,14 +40,39 @@ def read_intrinsics(path: str | Path) -> Intrinsics:
     InputError
         If it cannot be used.
     """
-    document = load_yaml(path)
+    return intrinsics_of(load_yaml(path))
+
+
+def intrinsics_of(document: Document) -> Intrinsics:
+    """Build what a camera file's document holds, camcal's own or ROS's camera_info.
+
+    Raises
+    ------
+    InputError
+        If it cannot be used; says `file:line: key`.
+    """
     if "camcal" not in document.data:
         info = validate(document, CameraInfo)
         return Intrinsics(_camera(document, info), info.camera_name)
     check_format_version(document, ("camcal",), CAMERA_FORMAT_VERSION)
     file = validate(document, CameraFile)
-    camera = _camera(document, file)
-    known = file.camcal
+    return _known(document, file.camcal, _camera(document, file), file.camera_name)
+
+
+def knowledge_of(document: Document, camera: Camera, name: str) -> Intrinsics:
+    """Build what the `camcal` mapping of a document says of a camera.
+
+    Raises
+    ------
+    InputError
+        If it cannot be used; says `file:line: key`.
+    """
+    check_format_version(document, ("camcal",), CAMERA_FORMAT_VERSION)
+    return _known(document, validate(document, Knowledge, ("camcal",)), camera, name)
+
+
+def _known(document: Document, known: Knowledge, camera: Camera, name: str) -> Intrinsics:
+    """Check what a model alone cannot, and build the intrinsics."""
     free = tuple(known.free)
     if free != tuple(name for name in camera.intrinsic_names if name in free):
         expected = ", ".join(camera.intrinsic_names)
@@ -140,7 +82,7 @@ def read_intrinsics(path: str | Path) -> Intrinsics:
     _check_free(document, known)
     return Intrinsics(
         camera=camera,
-        name=file.camera_name,
+        name=name,
         board=known.board,
         free=free,
         covariance=_covariance(document, ("camcal",), known.free, list(known.standard_deviations.values()), known.correlations),
@@ -175,8 +117,8 @@ def check_format_version(document: Document, path: KeyPath, version: int) -> Non
 def _camera(document: Document, info: CameraInfo) -> Camera:
     """Check what a model alone cannot, and build the camera."""
     for key, side in (("image_width", info.image_width), ("image_height", info.image_height)):
-        if not 1 <= side <= _LARGEST_SIDE_PX:
-            raise document.error((key,), f"not an image size (got {side}, expected 1 to {_LARGEST_SIDE_PX})")
+        if not 1 <= side <= LARGEST_SIDE_PX:
+            raise document.error((key,), f"not an image size (got {side}, expected 1 to {LARGEST_SIDE_PX})")
     K = _values(document, "camera_matrix", info.camera_matrix, (3, 3))
     if info.rectification_matrix is not None:
         _values(document, "rectification_matrix", info.rectification_matrix, (3, 3))
@@ -192,14 +134,14 @@ def _camera(document: Document, info: CameraInfo) -> Camera:
 def _coefficients(document: Document, info: CameraInfo) -> FloatArray:
     """Distortion coefficients, shape (C,)."""
     name = info.distortion_model
-    if name not in _LENSES:
-        advice = "It is a fisheye model, whose numbers mean something else here." if name.lower() in _FISHEYES else ""
-        problem = f"unsupported lens model (got {describe(name)}, expected {' or '.join(_LENSES)}). {advice}"
+    if name not in LENSES:
+        advice = "It is a fisheye model, whose numbers mean something else here." if name.lower() in FISHEYES else ""
+        problem = f"unsupported lens model (got {describe(name)}, expected {' or '.join(LENSES)}). {advice}"
         raise document.error(("distortion_model",), problem.rstrip())
     matrix = info.distortion_coefficients
     count = len(matrix.data)
-    if count not in _LENSES[name]:
-        expected = " or ".join(str(n) for n in _LENSES[name] if n)
+    if count not in LENSES[name]:
+        expected = " or ".join(str(n) for n in LENSES[name] if n)
         problem = f"wrong number of coefficients for {name} (got {count}, expected {expected})"
         raise document.error(("distortion_coefficients", "data"), problem)
     # One row or one column: OpenCV writes either.

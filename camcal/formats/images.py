@@ -6,7 +6,7 @@ import glob
 import os
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
@@ -42,11 +42,24 @@ class ImageFile:
         the same file name; always with forward slashes.
     named : bool
         Whether the user named this very file, so that it must be readable; else it was found in a folder or by a pattern.
+    pixels : ndarray, optional
+        The image itself, if it is in memory and not in a file.
     """
 
     path: Path
     name: str
     named: bool
+    pixels: Image | None = field(default=None, repr=False, compare=False)
+
+    def gray(self) -> Image:
+        """Return the image as `read_gray` does.
+
+        Raises
+        ------
+        InputError
+            If it is in a file that cannot be used.
+        """
+        return read_gray(self.path) if self.pixels is None else _one_channel(self.pixels)
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,8 +156,15 @@ def read_gray(path: str | Path, most_pixels: int = MOST_PIXELS) -> Image:
     except InputError:
         # OpenCV does not turn every kind of pixels grey while it decodes.
         image = decode(path, content, AS_STORED, most_pixels)
+    return _one_channel(image)
+
+
+def _one_channel(image: Image) -> Image:
+    """Turn colours, in the order BGR, grey."""
     if image.ndim == 2:
         return image
+    if image.shape[2] == 1:
+        return image[..., 0]
     return cv2.cvtColor(image, cv2.COLOR_BGRA2GRAY if image.shape[2] == 4 else cv2.COLOR_BGR2GRAY)
 
 

@@ -10,7 +10,10 @@ from camcal.formats.imaging.header import image_size
 from camcal.formats.imaging.kinds import kind_of
 
 # What metadata look like in files of other formats, which are not taken apart here.
-_SIGNS = (b"Exif", b"x:xmpmeta", b"ICC_PROFILE", b"prof", b"XMP Data")
+_SIGNS = (b"Exif", b"x:xmpmeta", b"ICC_PROFILE", b"acsp", b"XMP Data")
+# How an AVIF says that players turn or mirror it: by boxes of nine bytes near its beginning.
+_TURNS = (b"\0\0\0\x09irot", b"\0\0\0\x09imir")
+_HEAD_BYTES = 1 << 16
 
 
 def carry_metadata(source: bytes, encoded: bytes, note: str) -> tuple[bytes, tuple[str, ...]]:
@@ -55,4 +58,7 @@ def _named(described: Metadata) -> list[str]:
 
 def _unread(source: bytes) -> tuple[str, ...]:
     """What a file of another format seems to have that is not read here."""
-    return ("metadata",) if any(sign in source for sign in _SIGNS) else ()
+    found = ["metadata"] if any(sign in source for sign in _SIGNS) else []
+    if any(turn in source[:_HEAD_BYTES] for turn in _TURNS):
+        found.append("its orientation")
+    return tuple(found)

@@ -3,95 +3,140 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from camcal.boards.checkerboard import Checkerboard
 from camcal.errors import InputError
 from camcal.formats.board_file import load_board
-from camcal.formats.validation import Name, NotNegative, Number, Positive, Schema, Whole, list_of, validate
+from camcal.formats.camera_layout import COEFFICIENT_NAMES
+from camcal.formats.validation import NO_BOOL, Name, Number, Positive, Schema, list_of, schema_only, validate
 from camcal.formats.yaml_io import Document, KeyPath, load_yaml
 from camcal.geometry.camera import Camera
 from camcal.synthesis.scenario import Light, PoseSampling, Scenario, Sensor
 
 _SAMPLING, _LIGHT, _SENSOR = PoseSampling(), Light(), Sensor()
 _STEEPEST_TILT_DEG = 85.0
-_LENS_NAMES = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
-Side = Annotated[Whole, Field(ge=16, le=20_000)]
+
+def _within(least: float, most: float) -> Any:
+    """Say in the JSON Schema between which numbers an interval lies."""
+    return schema_only(items={"type": "number", "minimum": least, "maximum": most})
+
+
+Side = Annotated[int, Field(ge=16, le=20_000), NO_BOOL]
 Interval = Annotated[tuple[Number, ...], list_of(2)]
-Brightness = Annotated[NotNegative, Field(le=10)]
-Blur = Annotated[NotNegative, Field(le=100)]
+Brightness = Annotated[float, Field(ge=0, le=10), NO_BOOL]
+Blur = Annotated[float, Field(ge=0, le=100), NO_BOOL]
 
 
 class DistortionPart(Schema):
-    """Coefficients by name; the others are zero."""
+    """Coefficients by name, OpenCV's, on normalised coordinates; the others are zero."""
 
     k1: Number = 0.0
+    """Radial, of r²."""
     k2: Number = 0.0
+    """Radial, of r⁴."""
     k3: Number = 0.0
+    """Radial, of r⁶."""
     k4: Number = 0.0
+    """Radial, of r² in the denominator."""
     k5: Number = 0.0
+    """Radial, of r⁴ in the denominator."""
     k6: Number = 0.0
+    """Radial, of r⁶ in the denominator."""
     p1: Number = 0.0
+    """Tangential."""
     p2: Number = 0.0
+    """Tangential."""
 
 
 class CameraPart(Schema):
     """The true camera."""
 
     size: Annotated[tuple[Side, ...], list_of(2)]
+    """Image [width, height], pixels."""
     fx: Positive
+    """Focal length along x, pixels."""
     fy: Positive
+    """Focal length along y, pixels."""
     cx: Number
+    """Principal point, pixels; the centre of the first pixel is 0."""
     cy: Number
+    """Principal point, pixels; the centre of the first pixel is 0."""
     skew: Number = 0.0
+    """Pixels."""
     distortion: DistortionPart = DistortionPart()
+    """The lens."""
 
 
 class ViewsPart(Schema):
     """How the boards stand."""
 
-    count: Annotated[Whole, Field(ge=1, le=10_000)] = _SAMPLING.count
-    tilt_deg: Interval = _SAMPLING.tilt_deg
-    roll_deg: Interval = _SAMPLING.roll_deg
-    fill: Interval = _SAMPLING.fill
+    count: Annotated[int, Field(ge=1, le=10_000), NO_BOOL] = _SAMPLING.count
+    """Number of views."""
+    tilt_deg: Annotated[Interval, _within(0, _STEEPEST_TILT_DEG)] = _SAMPLING.tilt_deg
+    """[least, most] angle between the board's normal and the line of sight to its centre, degrees."""
+    roll_deg: Annotated[Interval, _within(-360, 360)] = _SAMPLING.roll_deg
+    """[least, most] turn of the board about its normal, degrees."""
+    fill: Annotated[Interval, _within(0.02, 3)] = _SAMPLING.fill
+    """[least, most] share of the image's width or height that the print spans; over 1 only for partial boards."""
     partial: bool = _SAMPLING.partial
+    """Whether a board may leave the frame; never a checkerboard."""
 
 
 class LightPart(Schema):
-    """Light that reaches the sensor."""
+    """Light that reaches the sensor, as shares of full scale before gamma; above 1 it saturates."""
 
     white: Brightness = _LIGHT.white
+    """Of paper."""
     black: Brightness = _LIGHT.black
+    """Of ink; less than of paper."""
     background: Brightness = _LIGHT.background
-    vignetting: Annotated[NotNegative, Field(le=1)] = _LIGHT.vignetting
-    gradient: Annotated[Number, Field(ge=-1, le=1)] = _LIGHT.gradient
-    gradient_direction_deg: Annotated[Number, Field(ge=-360, le=360)] = _LIGHT.gradient_direction_deg
+    """Of what is behind the board."""
+    vignetting: Annotated[float, Field(ge=0, le=1), NO_BOOL] = _LIGHT.vignetting
+    """Loss at the image corner relative to the centre."""
+    gradient: Annotated[float, Field(ge=-1, le=1), NO_BOOL] = _LIGHT.gradient
+    """Relative change over half the image's diagonal."""
+    gradient_direction_deg: Annotated[float, Field(ge=-360, le=360), NO_BOOL] = _LIGHT.gradient_direction_deg
+    """Where it grows to, degrees: 0 is right, 90 is down."""
 
 
 class SensorPart(Schema):
     """From the continuous image to numbers."""
 
     blur_sigma_px: Blur = _SENSOR.blur_sigma_px
+    """Standard deviation of the lens's blur, pixels; the pixels themselves come on top."""
     defocus_radius_px: Blur = _SENSOR.defocus_radius_px
-    read_noise_levels: Annotated[NotNegative, Field(le=255)] = _SENSOR.read_noise_levels
-    full_well_electrons: Annotated[NotNegative, Field(le=1e9)] = _SENSOR.full_well_electrons
-    gamma: Annotated[Number, Field(ge=0.1, le=10)] = _SENSOR.gamma
+    """Radius of the disc that a point out of focus becomes, pixels; in place of the blur."""
+    read_noise_levels: Annotated[float, Field(ge=0, le=255), NO_BOOL] = _SENSOR.read_noise_levels
+    """Standard deviation of the noise that is alike everywhere, grey levels of 255."""
+    full_well_electrons: Annotated[float, Field(ge=0, le=1e9), NO_BOOL] = _SENSOR.full_well_electrons
+    """Electrons of a white pixel, for the noise of the light itself; 0 is none."""
+    gamma: Annotated[float, Field(ge=0.1, le=10), NO_BOOL] = _SENSOR.gamma
+    """Grey level = light to the power of 1 / gamma; 1 is linear."""
     bits: Literal[8, 16] = _SENSOR.bits  # type: ignore[assignment]
+    """Of a pixel."""
 
 
 class ScenarioFile(Schema):
-    """The file."""
+    """A scene for camcal synth: a true camera, a board, and how photographs of it come about."""
 
     name: Name
-    seed: Annotated[Whole, Field(ge=0, lt=2**63)]
+    """What the scenario is called."""
+    seed: Annotated[int, Field(ge=0, lt=2**63), NO_BOOL]
+    """Every view is drawn from its own child of it."""
     camera: CameraPart
+    """The true camera."""
     board: Name
+    """One-liner such as checkerboard:9x6:25mm, sample board, or board file relative to this file."""
     views: ViewsPart = ViewsPart()
+    """How the boards stand."""
     light: LightPart = LightPart()
+    """Light that reaches the sensor."""
     sensor: SensorPart = SensorPart()
+    """From the continuous image to numbers."""
 
 
 def load_scenario(path: str | Path) -> Scenario:
@@ -132,7 +177,7 @@ def load_scenario(path: str | Path) -> Scenario:
 
 
 def _camera(part: CameraPart) -> Camera:
-    dist = [getattr(part.distortion, name) for name in _LENS_NAMES]
+    dist = [getattr(part.distortion, name) for name in COEFFICIENT_NAMES]
     K = [[part.fx, part.skew, part.cx], [0.0, part.fy, part.cy], [0.0, 0.0, 1.0]]
     return Camera((part.size[0], part.size[1]), K, dist)
 

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
-import difflib
+import re
+from dataclasses import dataclass
 from typing import Annotated, Any, TypeVar, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
-from pydantic_core import ErrorDetails
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    ValidationError,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, ErrorDetails
+from pydantic_core.core_schema import no_info_before_validator_function
 
 from camcal.formats.yaml_io import Document, KeyPath, describe
+from camcal.nearest import did_you_mean
 
 
 class Schema(BaseModel):
@@ -30,25 +42,46 @@ def _refuse_bool(value: Any) -> Any:
     return value
 
 
-def list_of(count: int) -> BeforeValidator:
+@dataclass(frozen=True, slots=True)
+class ListOf:
     """Demand a list of a fixed length, before its items are judged."""
 
-    def check(value: Any) -> Any:
-        if isinstance(value, list) and len(value) != count:
-            raise ValueError(f"wrong length (got {describe(value)}, expected {count} values)")
+    count: int
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Check before what the type itself demands."""
+        return no_info_before_validator_function(self._checked, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        """Say so in the JSON Schema."""
+        return handler(schema) | {"minItems": self.count, "maxItems": self.count}
+
+    def _checked(self, value: Any) -> Any:
+        if isinstance(value, list) and len(value) != self.count:
+            raise ValueError(f"wrong length (got {describe(value)}, expected {self.count} values)")
         return value
 
-    return BeforeValidator(check)
+
+def list_of(count: int) -> ListOf:
+    """Demand a list of a fixed length, before its items are judged."""
+    return ListOf(count)
 
 
-Number = Annotated[float, BeforeValidator(_refuse_bool)]
+def schema_only(**constraints: Any) -> Any:
+    """Add to the JSON Schema of a value what camcal checks elsewhere, with words of its own."""
+    return Field(json_schema_extra=constraints)
+
+
+# The last of the annotations is the first to judge; limits come before it, so that they stand in the JSON Schema too.
+NO_BOOL = BeforeValidator(_refuse_bool)
+Number = Annotated[float, NO_BOOL]
 """A finite number."""
-Positive = Annotated[Number, Field(gt=0)]
-NotNegative = Annotated[Number, Field(ge=0)]
-AnyNumber = Annotated[float, Field(allow_inf_nan=True), BeforeValidator(_refuse_bool)]
+Positive = Annotated[float, Field(gt=0), NO_BOOL]
+NotNegative = Annotated[float, Field(ge=0), NO_BOOL]
+AnyNumber = Annotated[float, Field(allow_inf_nan=True), NO_BOOL]
 """A number, NaN or an infinity."""
-Whole = Annotated[int, BeforeValidator(_refuse_bool)]
-Count = Annotated[Whole, Field(ge=0, le=10**9)]
+Whole = Annotated[int, NO_BOOL]
+Count = Annotated[int, Field(ge=0, le=10**9), NO_BOOL]
 Text = Annotated[str, Field(max_length=2000)]
 Name = Annotated[str, Field(min_length=1, max_length=1000)]
 
@@ -128,17 +161,20 @@ def _problem(fault: ErrorDetails, model: type[BaseModel]) -> str:
         return fault["msg"].removeprefix("Value error, ")
     if kind in _LIMITS:
         name, words = _LIMITS[kind]
-        return f"out of range (got {got}, expected {words} {fault['ctx'][name]})"
+        limit = fault["ctx"][name]
+        return f"out of range (got {got}, expected {words} {f'{limit:g}' if isinstance(limit, float) else limit})"
     expected = _EXPECTED.get(kind) or fault["msg"].removeprefix("Input should be ").removeprefix("a finite number ")
-    return f"{_FAULTS.get(kind, 'wrong type')} (got {got}, expected {expected[:1].lower() + expected[1:]})"
+    problem = f"{_FAULTS.get(kind, 'wrong type')} (got {got}, expected {expected[:1].lower() + expected[1:]})"
+    if kind != "literal_error":
+        return problem
+    advice = did_you_mean(str(fault["input"]), re.findall(r"'([^']*)'", fault["ctx"]["expected"]))
+    return f"{problem}.{advice}" if advice else problem
 
 
 def _unknown_key(fault: ErrorDetails, model: type[BaseModel]) -> str:
     """Name the known keys, and the nearest to the one that is not."""
     known = tuple(_schema_at(model, fault["loc"][:-1]).model_fields)
-    near = difflib.get_close_matches(str(fault["loc"][-1]), known, n=1)
-    advice = f" Did you mean '{near[0]}'?" if near else ""
-    return f"unknown key (expected one of {', '.join(known)}).{advice}"
+    return f"unknown key (expected one of {', '.join(known)}).{did_you_mean(str(fault['loc'][-1]), known)}"
 
 
 def _schema_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel]:
@@ -146,13 +182,13 @@ def _schema_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel]:
     for step in path:
         field = model.model_fields.get(str(step))
         if field is not None:
-            model = next(_schemas(field.annotation), model)
+            model = next(models_within(field.annotation), model)
     return model
 
 
-def _schemas(annotation: Any) -> Any:
+def models_within(annotation: Any) -> Any:
     """Every model within an annotation such as `list[Model] | None`."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for argument in get_args(annotation):
-        yield from _schemas(argument)
+        yield from models_within(argument)

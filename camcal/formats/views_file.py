@@ -16,23 +16,26 @@ VIEWS_FILE_NAME = "views.yaml"
 
 _HEADING = """\
 X_camera = R X_board + t: t in metres; camera x right, y down, z forward; board x right, y down as printed, z into the board.
-R and t are read back; rvec (axis times angle in radians) repeats R for people."""
+R and t are read back; rvec (axis times angle in radians) repeats R for people. path: the image, seen from this folder."""
 
 
-def save_views(path: str | Path, records: Sequence[ViewRecord]) -> None:
+def save_views(path: str | Path, records: Sequence[ViewRecord], options: Sequence[str] = ()) -> None:
     """Write a views file.
 
     Parameters
     ----------
     path : str or Path
     records : sequence of ViewRecord
+    options : sequence of str
+        Options of `camcal calibrate` that led to them, where they are not the defaults; nothing is written of none.
 
     Raises
     ------
     InputError
         If the file cannot be written.
     """
-    content = {"format_version": VIEWS_FORMAT_VERSION, "views": [_entry(record) for record in records]}
+    told = {"options": list(options)} if options else {}
+    content = {"format_version": VIEWS_FORMAT_VERSION, **told, "views": [_entry(record) for record in records]}
     write_atomically(path, dump_yaml(content, _HEADING))
 
 
@@ -54,6 +57,11 @@ def load_views(path: str | Path) -> tuple[ViewRecord, ...]:
     InputError
         If it cannot be used; says `file:line: key: problem`.
     """
+    return load_views_and_options(path)[0]
+
+
+def load_views_and_options(path: str | Path) -> tuple[tuple[ViewRecord, ...], tuple[str, ...]]:
+    """Read a views file as `load_views` does, and the options of `camcal calibrate` that it was written with."""
     # pydantic takes its time to import; a command that only writes does without it.
     from camcal.formats.views_schema import read_views
 
@@ -62,7 +70,10 @@ def load_views(path: str | Path) -> tuple[ViewRecord, ...]:
 
 def _entry(record: ViewRecord) -> dict[str, Any]:
     """Lay one view out; what it does not have is left out."""
-    entry: dict[str, Any] = {"file": record.source, "status": "used" if record.used else "rejected"}
+    entry: dict[str, Any] = {"file": record.source}
+    if record.path:
+        entry["path"] = record.path
+    entry["status"] = "used" if record.used else "rejected"
     if not record.used:
         entry["reason"] = record.reason
     pose = record.T_cam_board

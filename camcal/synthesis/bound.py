@@ -56,6 +56,16 @@ def corner_bound(
     ------
     InputError
         If the board is not wholly in front of the camera.
+
+    Examples
+    --------
+    >>> import camcal
+    >>> camera = camcal.Camera((640, 480), [[520, 0, 322], [0, 523, 236], [0, 0, 1]], [-0.18, 0.06])
+    >>> pose = camcal.Pose.from_rvec([0.3, -0.2, 0.1], [-0.07, -0.05, 0.3])
+    >>> board = camcal.parse_board("checkerboard:7x6:20mm")
+    >>> bound = camcal.corner_bound(camera, board, pose, blur_sigma_px=0.7, noise_levels=2, radius_px=12)
+    >>> bound.shape, round(float(bound.mean()), 3)
+    ((42, 2), 0.004)
     """
     corners = camera.project(T_cam_board.apply(board.object_points))
     radius = np.broadcast_to(np.asarray(radius_px, dtype=np.float64), len(corners))

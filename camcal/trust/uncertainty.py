@@ -61,6 +61,7 @@ def projection_sigma(calibration: Calibration, pixels: npt.ArrayLike, range_m: f
     Parameters
     ----------
     calibration : Calibration
+        Of a run of `calibrate`: a camera file does not hold all that this takes, its corners.csv does.
     pixels : array_like of shape (M, 2)
     range_m : float
         Distance of the points from the camera in metres; inf is allowed.
@@ -69,6 +70,18 @@ def projection_sigma(calibration: Calibration, pixels: npt.ArrayLike, range_m: f
     -------
     ndarray of shape (M,)
         Square root of the largest eigenvalue of `projection_covariance`, px; NaN where no ray reaches the pixel.
+
+    Examples
+    --------
+    >>> import camcal
+    >>> camera = camcal.Camera((640, 480), [[520, 0, 322], [0, 523, 236], [0, 0, 1]], [-0.18, 0.06])
+    >>> turns = [(0.5, 0, 0), (-0.5, 0, 0), (0, 0.5, 0), (0, -0.5, 0), (0.4, 0.4, 0), (-0.4, 0.3, 0.1)]
+    >>> poses = [camcal.Pose.from_rvec(turn, (-0.06, -0.05, 0.25)) for turn in turns]
+    >>> images = [camcal.render(camera, "checkerboard:7x6:20mm", pose) for pose in poses]
+    >>> run = camcal.calibrate(images, "checkerboard:7x6:20mm", distortion="k1,k2")
+    >>> middle, corner = camcal.projection_sigma(run.calibration, [[320, 240], [0, 0]], range_m=0.3)
+    >>> bool(10 * middle < corner)
+    True
     """
     covariance = projection_covariance(calibration, pixels, range_m)
     a, b, c = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]

@@ -71,6 +71,19 @@ def undistort_map(camera: Camera, target: Camera, *, samples: int | None = None,
     -------
     UndistortMap
         Its coordinates agree with `camera.project(target.unproject(pixel))` to 2e-4 pixels.
+
+    Raises
+    ------
+    ValueError
+        If `samples` is another number.
+
+    Examples
+    --------
+    >>> import camcal
+    >>> camera = camcal.Camera((640, 480), [[520, 0, 322], [0, 523, 236], [0, 0, 1]], [-0.18, 0.06])
+    >>> straight = camcal.undistort_map(camera, camcal.target_camera(camera, scale=0.25))
+    >>> straight.target.size, straight.samples
+    ((160, 120), 4)
     """
     per_pixel = samples_per_pixel(camera, target) if samples is None else samples
     if per_pixel not in SAMPLES:
@@ -100,10 +113,22 @@ def distort_map(camera: Camera, ideal: Camera, *, samples: int | None = None) ->
 def dense_map(undistort: UndistortMap) -> tuple[FloatMap, FloatMap]:
     """Write out a map as `cv2.remap` takes it.
 
+    Parameters
+    ----------
+    undistort : UndistortMap
+
     Returns
     -------
     map_x, map_y : ndarray of shape (height, width)
         float32 source coordinates of the centre of each pixel of the target; `OUTSIDE_PX` where it is not valid.
+
+    Examples
+    --------
+    >>> import camcal
+    >>> camera = camcal.Camera((640, 480), [[520, 0, 322], [0, 523, 236], [0, 0, 1]], [-0.18, 0.06])
+    >>> map_x, map_y = camcal.dense_map(camcal.undistort_map(camera, camcal.target_camera(camera)))
+    >>> map_x.shape, map_x.dtype
+    ((480, 640), dtype('float32'))
     """
     if undistort.samples != 1:
         undistort = undistort_map(undistort.source, undistort.target, samples=1, rim_px=-float(undistort.low_px[0]))
@@ -119,7 +144,27 @@ def dense_map(undistort: UndistortMap) -> tuple[FloatMap, FloatMap]:
 
 
 def valid_mask(undistort: UndistortMap) -> npt.NDArray[np.uint8]:
-    """Tell which pixels of the target see the source, all their samples: shape (height, width), 255 where they do, else 0."""
+    """Tell which pixels of the target see the source.
+
+    Parameters
+    ----------
+    undistort : UndistortMap
+
+    Returns
+    -------
+    ndarray of shape (height, width)
+        uint8: 255 where all samples of a pixel see the source, else 0.
+
+    Examples
+    --------
+    >>> import camcal
+    >>> camera = camcal.Camera((640, 480), [[520, 0, 322], [0, 523, 236], [0, 0, 1]], [-0.18, 0.06])
+    >>> for alpha in (0, 1):
+    ...     mask = camcal.valid_mask(camcal.undistort_map(camera, camcal.target_camera(camera, alpha)))
+    ...     print(f"alpha {alpha}: {(mask > 0).mean():.2f} of the pixels see the source")
+    alpha 0: 1.00 of the pixels see the source
+    alpha 1: 0.93 of the pixels see the source
+    """
     width, height = undistort.target.size
     n = undistort.samples
     mask = np.zeros((height * n, width * n), np.uint8)

@@ -175,6 +175,9 @@ def _fill_value(fill: float | Sequence[float], image: Image) -> npt.NDArray[Any]
         value = wanted.astype(image.dtype)
     fits = wanted.ndim == 0 or wanted.shape == channels
     if not fits or (image.dtype != np.float32 and not np.array_equal(value, wanted)):
-        kind = "" if image.dtype == np.float32 else f" from 0 to {np.iinfo(image.dtype).max}"
-        raise InputError(f"--fill: not a pixel (got {fill}, expected one whole number{kind} or {channels or 1} of them).")
+        count = channels[0] if channels else 1
+        kind = "number" if image.dtype == np.float32 else f"whole number from 0 to {np.iinfo(image.dtype).max}"
+        several = f", or {count} of them" if count > 1 else ""
+        got = ", ".join(f"{part:g}" for part in wanted[value != wanted].flat) if fits else f"{wanted.size} numbers"
+        raise InputError(f"--fill: no value of such pixels (got {got}, expected one {kind}{several}).")
     return value

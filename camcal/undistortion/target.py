@@ -58,6 +58,15 @@ def target_camera(
     ------
     InputError
         If a value is out of range, two of them contradict each other, or the lens leaves nothing valid to show.
+
+    Examples
+    --------
+    >>> import camcal
+    >>> camera = camcal.Camera((640, 480), [[520, 0, 322], [0, 523, 236], [0, 0, 1]], [-0.18, 0.06])
+    >>> for alpha in (0, 1):
+    ...     print(camcal.target_camera(camera, alpha))
+    Camera(640x480, fx=500.395, fy=503.282, cx=322.438, cy=235.73)
+    Camera(640x480, fx=468.201, fy=470.902, cx=322.28, cy=235.782)
     """
     _check(alpha, fov_deg, size, scale, crop)
     result_size = size or (round(camera.size[0] * scale), round(camera.size[1] * scale))

@@ -43,6 +43,14 @@ def board(
     ------
     InputError
         If the spec makes no sense, the board does not fit the paper, or the file cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile, camcal
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     page = camcal.board("checkerboard:9x6:25mm", f"{folder}/board.pdf")
+    >>> page.width_mm, page.height_mm
+    (297.0, 210.0)
     """
     path = Path(output)
     file_format = path.suffix.lower().lstrip(".")

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-import numpy as np
+from typing import TYPE_CHECKING, cast
 
 from camcal.boards.base import Board
 from camcal.calibration.board_shape import BOW, STRETCH
@@ -15,31 +14,33 @@ from camcal.calibration.causes import quarter_turn, solve_board
 from camcal.calibration.parameters import DEFAULT_DISTORTION, parse_distortion
 from camcal.calibration.views import FEWEST_VIEWS, usable_views
 from camcal.errors import InputError, SolveError
-from camcal.formats.board_file import load_board, save_board
-from camcal.formats.camera_file import save_intrinsics, uncertainty_values
-from camcal.formats.corners_file import save_corners
+from camcal.formats.board_file import load_board
+from camcal.formats.camera_file import uncertainty_values
+from camcal.formats.corner_exchange.table import is_corners_path
 from camcal.formats.images import ImageFile
 from camcal.formats.output import claim_folder
-from camcal.formats.views_file import save_views
-from camcal.geometry.arrays import BoolArray, FloatArray
-from camcal.observations import Calibration, Detection, Intrinsics, Outlier, Rejected, ViewRecord
+from camcal.observations import Calibration, Detection, Intrinsics, Rejected
 from camcal.trust.assess import NO_GATES, Assessment, Gates, assess
 from camcal.trust.fisheye import ADVICE, fit_fisheye
 from camcal.trust.gates import gate_findings
 from camcal.trust.models import choose_distortion
 from camcal.verdict import Verdict
-from camcal.workflows.inputs import Inputs, as_paths, images_to_work_on, warn_of_each
+from camcal.workflows.calibration_files import Origin, write_calibration
+from camcal.workflows.inputs import Images, Seen, as_paths, images_to_work_on, views_seen, warn_of_each
 from camcal.workflows.observe import (
     REFINEMENTS,
     Refined,
     observe,
     observe_again,
     of_one_size,
+    refuse_other_board,
     replay,
     tell_left_out,
     tell_refused,
 )
-from camcal.workflows.reporting import LogReporter, Reporter, SilentReporter
+from camcal.workflows.report import PLOT_FORMATS, claim_figures, show_calibration
+from camcal.workflows.reporting import LogReporter, ProgressOnly, Reporter
+from camcal.workflows.telling import tell_solution, tell_unrefined, tell_views
 from camcal.workflows.undistort import undistort_found
 
 if TYPE_CHECKING:
@@ -48,6 +49,9 @@ if TYPE_CHECKING:
 UNDISTORTED = "undistorted"
 AUTO = "auto"
 """The distortion whose coefficients are chosen by how well they predict views that they were not solved with."""
+
+
+_DEFAULTS = {"--distortion": ",".join(DEFAULT_DISTORTION), "--refine": REFINEMENTS[0]}
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,8 +113,8 @@ class CalibrationRun:
 
 
 def calibrate(
-    images: Inputs,
-    board: str,
+    images: Images | Seen,
+    board: str | Board,
     output: str | Path | None = None,
     *,
     distortion: str = "k1,k2,k3",
@@ -121,7 +125,11 @@ def calibrate(
     twin: int = 0,
     anamorphic: bool = False,
     only_used: bool = False,
+    size: tuple[int, int] | None = None,
     undistort: bool = False,
+    report: bool = False,
+    plots: str | Path | None = None,
+    plot_formats: Sequence[str] = PLOT_FORMATS,
     name: str = "camera",
     force: bool = False,
     jobs: int | None = None,
@@ -131,10 +139,12 @@ def calibrate(
 
     Parameters
     ----------
-    images : path or sequence of path
-        Image files, folders or globs; or one corners.csv, then nothing is detected.
-    board : str
-        A one-liner such as `checkerboard:9x6:25mm`, the name of a sample board, or a board file.
+    images : path, sequence of path, sequence of ndarray, dict of str to ndarray, or sequence of Detection
+        Image files, folders or globs; or images in memory of shape (height, width) or (height, width, 3), uint8, uint16 or
+        float32, blue first; or one file of corners (camcal's corners.csv, mrcal's .vnl, MATLAB's image points or another
+        CSV) or the views that `detect` or `detect_corners` returns, then nothing is detected.
+    board : str or Board
+        A one-liner such as `checkerboard:9x6:25mm`, the name of a sample board, or a board file; or the board itself.
     output : path, optional
         Folder for camera.yaml, views.yaml, corners.csv and board.yaml; nothing is written without it.
     distortion : str
@@ -156,8 +166,16 @@ def calibrate(
         Whether pixels far from square are expected.
     only_used : bool
         With a corners.csv: keep its choice of corners instead of taking each as a candidate again.
+    size : tuple of int, optional
+        With a file of corners that does not tell: (width, height) of the images in pixels; else the images are looked at.
     undistort : bool
         Whether the undistorted images are written as well, to `undistorted/` in the output folder.
+    report : bool
+        Whether the page `report.html` is written as well. The command line writes it unless told not to.
+    plots : path, optional
+        Folder to which the figures of the report are written as files, for papers.
+    plot_formats : sequence of str
+        Formats of these: some of `png`, `svg` and `pdf`.
     name : str
         Name of the camera in camera.yaml.
     force : bool
@@ -179,41 +197,71 @@ def calibrate(
         If fewer than three views are usable.
     SolveError
         If the views do not determine the camera.
+
+    Examples
+    --------
+    >>> import camcal
+    >>> camera = camcal.Camera((640, 480), [[520, 0, 322], [0, 523, 236], [0, 0, 1]], [-0.18, 0.06])
+    >>> turns = [(0.5, 0, 0), (-0.5, 0, 0), (0, 0.5, 0), (0, -0.5, 0), (0.4, 0.4, 0), (-0.4, 0.3, 0.1)]
+    >>> poses = [camcal.Pose.from_rvec(turn, (-0.06, -0.05, 0.25)) for turn in turns]
+    >>> images = [camcal.render(camera, "checkerboard:7x6:20mm", pose) for pose in poses]
+    >>> run = camcal.calibrate(images, "checkerboard:7x6:20mm", distortion="k1,k2")
+    >>> run.intrinsics.camera.K.round(1).tolist()
+    [[520.0, 0.0, 322.0], [0.0, 523.0, 236.0], [0.0, 0.0, 1.0]]
+    >>> run.verdict.word, [finding.code for finding in run.verdict.findings]
+    ('usable', ['central_only'])
     """
     reporter = reporter or LogReporter()
-    target = load_board(board)
+    target = load_board(board) if isinstance(board, str) else board
     free = DEFAULT_DISTORTION if distortion == AUTO else parse_distortion(distortion)
-    replay_file = _corners_file(as_paths(images))
-    if undistort and (replay_file or output is None):
-        raise InputError("--undistort: needs images and an output folder (got a corners file or no -o).")
-    if twin and replay_file:
-        raise InputError("--twin: needs images, whose blur and noise are measured (got a corners file).")
+    replay_file, seen = _corners_file(as_paths(images)), views_seen(images)
+    are_corners = replay_file is not None or seen is not None
+    if undistort and (are_corners or output is None or not as_paths(images)):
+        raise InputError("--undistort: needs image files and an output folder (got corners, arrays or no -o).")
+    if twin and are_corners:
+        raise InputError("--twin: needs images, whose blur and noise are measured (got corners).")
     if only_used and not replay_file:
         raise InputError("--only-used: needs a corners.csv as the only input (got images).")
+    if size is not None and not replay_file:
+        raise InputError("--size: needs a file of corners as the only input (got images, which tell their size).")
     if refine not in REFINEMENTS:
         raise InputError(f"--refine: unknown (got {refine!r}, expected one of {', '.join(REFINEMENTS)}).")
-    found = () if replay_file else images_to_work_on(images, reporter)
+    found = () if are_corners else images_to_work_on(cast(Images, images), reporter)
     folder = None if output is None else claim_folder(output, force=force)
+    figures = claim_figures(folder, page=report, plots=plots, formats=plot_formats, force=force)
     shape = (BOW if warp else ()) + (STRETCH if scale else ())
     task = _Task(target, free, distortion == AUTO, shape, refine, anamorphic, jobs, reporter)
+    refused: dict[str, tuple[str, ...]] = {}
     if replay_file:
-        calibration = task.solve([Refined(seen) for seen in replay(replay_file, target, only_used=only_used)], [])
-        refused: dict[str, tuple[str, ...]] = {}
+        calibration = task.solve([Refined(view) for view in replay(replay_file, target, only_used=only_used, size=size)], [])
+    elif seen is not None:
+        detections, rejected = seen
+        refuse_other_board(detections, target, "images")
+        calibration = task.solve([Refined(view) for view in detections], rejected)
     else:
         calibration, refused = task.solve_images(found)
     note = quarter_turn(calibration, target)
     if note:
         reporter.warn(note)
     tell_left_out(calibration, reporter)
-    assessment = assess(calibration, target, anamorphic=anamorphic, gates=gates)
+    tell_views(calibration, refused, target, reporter)
+    with reporter.progress("Cross-validating", None):
+        assessment = assess(calibration, target, anamorphic=anamorphic, gates=gates)
     known = _intrinsics(calibration, assessment, target, name)
     twins = task.twins(calibration, found, twin) if twin and not known.problems else None
     run = CalibrationRun(calibration, assessment, known, target, folder, refused, twins)
+    options = _options(
+        gates,
+        {"--distortion": distortion, "--refine": refine},
+        {"--warp": warp, "--scale": scale, "--anamorphic": anamorphic, "--only-used": only_used},
+    )
+    origin = Origin.of_corners(replay_file, options) if replay_file else Origin.of_images(found, options)
     if folder is not None:
-        _write(run, folder)
+        write_calibration(run, origin, folder)
         if undistort:
             where, camera_file = folder / UNDISTORTED, folder / "camera.yaml"
             undistort_found(_unnamed(found), camera_file, where, force=force, jobs=jobs, reporter=reporter)
+        show_calibration(folder, page=report, figures=figures, formats=plot_formats, jobs=jobs, reporter=reporter)
     return run
 
 
@@ -243,7 +291,10 @@ class _Task:
         views, rejected = observe(found, self.board, self.refine, self.jobs, self.reporter)
         calibration = self.solve(views, rejected)
         # A calibration that is not to be trusted predicts no edges either.
-        if self.refine == "warped" and not gate_findings(calibration, self.board, anamorphic=self.anamorphic):
+        doubts = gate_findings(calibration, self.board, anamorphic=self.anamorphic) if self.refine == "warped" else ()
+        if doubts:
+            tell_unrefined([str(doubt) for doubt in doubts], self.reporter)
+        elif self.refine == "warped":
             size = calibration.camera.size
             same_size = [view for view in views if view.detection.size == size]
             views = observe_again(calibration, same_size, found, self.board, jobs=self.jobs, reporter=self.reporter)
@@ -259,7 +310,7 @@ class _Task:
         # The renderer is only needed here.
         from camcal.workflows.twin import run_twins
 
-        quiet = replace(self, reporter=SilentReporter())
+        quiet = replace(self, reporter=ProgressOnly(self.reporter))
 
         def recalibrate(folder: Path) -> Calibration:
             return quiet.solve_images(images_to_work_on(folder, quiet.reporter))[0]
@@ -267,6 +318,13 @@ class _Task:
         return run_twins(calibration, self.board, found, recalibrate, count, jobs=self.jobs, reporter=self.reporter)
 
     def _solve_board(self, detections: Sequence[Detection], rejected: Sequence[Rejected]) -> Calibration:
+        """Solve, and say what came of it."""
+        with self.reporter.progress("Solving", None):
+            solved = self._solve_chosen(detections, rejected)
+        tell_solution(solved, self.reporter)
+        return solved
+
+    def _solve_chosen(self, detections: Sequence[Detection], rejected: Sequence[Rejected]) -> Calibration:
         """Solve, and once more with the coefficients that the views support if these are to be chosen."""
         try:
             found = solve_board(detections, self.board, distortion=self.distortion, shape=self.shape, rejected=rejected)
@@ -284,7 +342,7 @@ class _Task:
 
 def _corners_file(images: Sequence[str | Path]) -> Path | None:
     """Return the corners file if that is what was named."""
-    named = [Path(image) for image in images if str(image).lower().endswith(".csv")]
+    named = [Path(image) for image in images if is_corners_path(image)]
     if named and len(images) > 1:
         raise InputError(
             f"{named[0]}: a corners file stands alone (got {len(images)} inputs). Pass either images or one corners.csv."
@@ -310,71 +368,16 @@ def _intrinsics(calibration: Calibration, assessment: Assessment, board: Board, 
     )
 
 
-def view_records(run: CalibrationRun) -> tuple[ViewRecord, ...]:
-    """Return every view, used or rejected, sorted by source."""
-    calibration = run.calibration
-    left_out: dict[str, tuple[str, ...]] = {}
-    for outlier in calibration.outliers:
-        clause = f"corner {outlier.id}: left out, {outlier.reason}"
-        left_out[outlier.source] = (*left_out.get(outlier.source, ()), clause)
-    used = [
-        ViewRecord(
-            detection.source,
-            T_cam_board=pose,
-            rms_px=rms,
-            corners=len(detection),
-            notes=(*detection.notes, *run.refused.get(detection.source, ()), *left_out.get(detection.source, ())),
-        )
-        for detection, pose, rms in zip(calibration.detections, calibration.poses, calibration.view_rms_px, strict=True)
-    ]
-    rejected = [ViewRecord(rejection.source, reason=rejection.reason) for rejection in calibration.rejected]
-    return tuple(sorted(used + rejected, key=lambda record: record.source))
-
-
-def candidates(
-    calibration: Calibration,
-) -> tuple[tuple[Detection, ...], tuple[FloatArray, ...], tuple[BoolArray, ...]]:
-    """Put the corners that were left out back among the others.
-
-    Returns
-    -------
-    detections : tuple of Detection
-        Every view with all its corners, sorted by source; also the views that did not fit.
-    residuals_px : tuple of ndarray of shape (N, 2)
-    used : tuple of ndarray of shape (N,)
-        Which of the corners were solved with.
-    """
-    size = calibration.camera.size
-    nothing = Detection("", size, np.zeros(0, dtype=np.int64), np.zeros((0, 2)), np.zeros(0))
-    used = {seen.source: (seen, off) for seen, off in zip(calibration.detections, calibration.residuals_px, strict=True)}
-    outliers: dict[str, list[Outlier]] = {}
-    for outlier in calibration.outliers:
-        outliers.setdefault(outlier.source, []).append(outlier)
-    merged = []
-    for source in sorted(used.keys() | outliers.keys()):
-        seen, off = used.get(source, (nothing, np.zeros((0, 2))))
-        others = outliers.get(source, [])
-        ids = np.append(seen.ids, [other.id for other in others]).astype(np.int64)
-        order = np.argsort(ids)
-        corners = np.concatenate([seen.corners_px, np.reshape([other.corner_px for other in others], (-1, 2))])
-        residuals = np.concatenate([off, np.reshape([other.residual_px for other in others], (-1, 2))])
-        sigma = np.append(seen.sigma_px, [other.sigma_px for other in others])
-        every = Detection(source, size, ids[order], corners[order], sigma[order])
-        merged.append((every, residuals[order], (np.arange(ids.size) < len(seen))[order]))
-    detections, residuals_px, chosen = zip(*merged, strict=True)
-    return detections, residuals_px, chosen
+def _options(gates: Gates, values: Mapping[str, str], flags: Mapping[str, bool]) -> tuple[str, ...]:
+    """Return the options that led to a result, as the command line takes them, where they are not the defaults."""
+    limits = {"--max-rms": gates.max_rms_px, "--max-sigma-px": gates.max_sigma_px}
+    chosen = {option: value for option, value in values.items() if value != _DEFAULTS[option]}
+    chosen |= {"--require": gates.require} if gates.require else {}
+    chosen |= {option: f"{limit:g}" for option, limit in limits.items() if not math.isnan(limit)}
+    named = [part for option, value in chosen.items() for part in (option, value)]
+    return (*named, *(option for option, given in flags.items() if given))
 
 
 def _unnamed(found: Sequence[ImageFile]) -> tuple[ImageFile, ...]:
     """Return the images as if a folder had held them: one of another size than the camera's is passed over by name."""
     return tuple(replace(image, named=False) for image in found)
-
-
-def _write(run: CalibrationRun, folder: Path) -> None:
-    """Write the four files; the camera is removed first and written last, so that its presence says that all are there."""
-    calibration = run.calibration
-    (folder / "camera.yaml").unlink(missing_ok=True)
-    save_board(folder / "board.yaml", run.board)
-    save_corners(folder / "corners.csv", *candidates(calibration))
-    save_views(folder / "views.yaml", view_records(run))
-    save_intrinsics(folder / "camera.yaml", run.intrinsics)

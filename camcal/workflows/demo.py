@@ -54,6 +54,6 @@ def demo(
     folder = claim_folder(output, force=force)
     data, calib, undistorted = folder / "data", folder / "calib", folder / "undistorted"
     made = synth(CONFIG, data, force=force, jobs=jobs, reporter=reporter)
-    run = calibrate([data / IMAGES], str(data / "board.yaml"), calib, force=force, jobs=jobs, reporter=reporter)
+    run = calibrate([data / IMAGES], str(data / "board.yaml"), calib, report=True, force=force, jobs=jobs, reporter=reporter)
     done = undistort([data / IMAGES], calib / "camera.yaml", undistorted, force=force, jobs=jobs, reporter=reporter)
     return Demonstration(made, run, done, verify(calib, data, max_sigma=_MAX_SIGMA))

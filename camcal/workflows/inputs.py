@@ -1,11 +1,16 @@
-"""The images that a command is to work on."""
+"""What a command is to work on: images in files or in memory, or views that have been detected already."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+
+from camcal.errors import InputError
 from camcal.formats.images import ImageFile, find_images
+from camcal.observations import Detection, Image, Rejected
 from camcal.workflows.reporting import Reporter
 
 _NAMED_AT_ONCE = 4
@@ -13,15 +18,28 @@ _NAMED_AT_ONCE = 4
 Inputs = str | Path | Sequence[str | Path]
 """One path or several: files, folders or patterns."""
 
+Images = Inputs | Sequence[Image] | Mapping[str, Image]
+"""Images in files; or in memory as arrays of shape (height, width) or (height, width, channels in the order BGR), by name."""
 
-def images_to_work_on(inputs: Inputs, reporter: Reporter) -> tuple[ImageFile, ...]:
+Seen = Sequence[Detection | Rejected]
+"""Views in which the board has been looked for already."""
+
+_PIXELS = ("uint8", "uint16", "float32")
+
+
+def images_to_work_on(inputs: Images, reporter: Reporter) -> tuple[ImageFile, ...]:
     """Find the images of files, folders and patterns; other files in the folders are counted in one warning.
+
+    Images in memory without names are called `image_0000` and so on.
 
     Raises
     ------
     InputError
-        If a named file cannot be used or there is no image at all.
+        If a named file or an array cannot be used, or there is no image at all.
     """
+    held = _in_memory(inputs)
+    if held is not None:
+        return tuple(sorted((_held_image(name, pixels) for name, pixels in held), key=lambda image: image.name))
     found = find_images(as_paths(inputs))
     if found.passed_over:
         count = len(found.passed_over)
@@ -29,9 +47,54 @@ def images_to_work_on(inputs: Inputs, reporter: Reporter) -> tuple[ImageFile, ..
     return found.images
 
 
-def as_paths(inputs: Inputs) -> list[str | Path]:
-    """Return the inputs as a list, also where there is only one."""
-    return [inputs] if isinstance(inputs, (str, Path)) else list(inputs)
+def as_paths(inputs: Images | Seen) -> list[str | Path]:
+    """Return the paths among the inputs as a list, also where there is only one."""
+    if isinstance(inputs, (str, Path)):
+        return [inputs]
+    return [given for given in inputs if isinstance(given, (str, Path))] if not isinstance(inputs, Mapping) else []
+
+
+def views_seen(inputs: Images | Seen) -> tuple[list[Detection], list[Rejected]] | None:
+    """Return the views that were detected and rejected before; None if the inputs are images.
+
+    Raises
+    ------
+    InputError
+        If two views have one name, or there is something else among them.
+    """
+    if isinstance(inputs, (str, Path, Mapping)) or not any(isinstance(given, (Detection, Rejected)) for given in inputs):
+        return None
+    detections = [given for given in inputs if isinstance(given, Detection)]
+    rejected = [given for given in inputs if isinstance(given, Rejected)]
+    if len(detections) + len(rejected) < len(inputs):
+        raise InputError("images: views and something else among them (got a mixture). Pass one kind.")
+    name, count = Counter([view.source for view in detections] + [view.source for view in rejected]).most_common(1)[0]
+    if count > 1:
+        raise InputError(f"images: {count} views of one name (got {name!r}). Give each view a name of its own.")
+    return detections, rejected
+
+
+def _in_memory(inputs: Images) -> list[tuple[str, Image]] | None:
+    """Return the images that are in memory with their names; None if they are in files."""
+    if isinstance(inputs, Mapping):
+        return [(str(name), pixels) for name, pixels in inputs.items()]
+    if isinstance(inputs, (str, Path)) or not any(isinstance(given, np.ndarray) for given in inputs):
+        return None
+    arrays = [given for given in inputs if isinstance(given, np.ndarray)]
+    if len(arrays) < len(inputs):
+        raise InputError("images: arrays and paths among them (got a mixture). Pass one kind.")
+    return [(f"image_{index:04d}", pixels) for index, pixels in enumerate(arrays)]
+
+
+def _held_image(name: str, pixels: Image) -> ImageFile:
+    """Check that an array is an image."""
+    channels = pixels.shape[2] if pixels.ndim == 3 else 1
+    if pixels.dtype.name not in _PIXELS or pixels.ndim not in (2, 3) or channels not in (1, 3, 4) or not pixels.size:
+        raise InputError(
+            f"{name}: not an image (got {pixels.dtype} of shape {pixels.shape}, expected {', '.join(_PIXELS)} of shape "
+            "(height, width) or (height, width, 3), blue first)."
+        )
+    return ImageFile(Path(name), name, named=True, pixels=pixels)
 
 
 def warn_of_each(texts_by_source: Iterable[tuple[str, str]], reporter: Reporter) -> None:

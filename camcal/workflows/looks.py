@@ -10,7 +10,7 @@ import numpy as np
 
 from camcal.boards.base import Board
 from camcal.errors import InputError
-from camcal.formats.images import ImageFile, read_gray
+from camcal.formats.images import ImageFile
 from camcal.geometry.arrays import BoolArray
 from camcal.geometry.camera import Camera
 from camcal.geometry.pose import Pose
@@ -48,12 +48,12 @@ def measured_looks(calibration: Calibration, board: Board, found: Sequence[Image
     InputError
         If a photograph cannot be read again.
     """
-    paths = {image.name: image.path for image in found}
+    images = {image.name: image for image in found}
     camera = calibration.camera
 
     def work(view: tuple[Detection, Pose]) -> Look | None:
         seen, pose = view
-        gray = read_gray(paths[seen.source])
+        gray = images[seen.source].gray()
         look = measured_look(gray, refine_warped(gray, seen.ids, seen.corners_px, board, camera=camera, T_cam_board=pose))
         if look is None:
             return None

@@ -12,8 +12,9 @@ from camcal.calibration.views import FEWEST_CORNERS
 from camcal.detection.blur import flag_blurred
 from camcal.detection.detect import detect_board
 from camcal.errors import InputError
-from camcal.formats.corners_file import load_corners
-from camcal.formats.images import ImageFile, read_gray
+from camcal.formats.corner_exchange.columns import Size
+from camcal.formats.corner_exchange.table import read_corners
+from camcal.formats.images import ImageFile
 from camcal.observations import Calibration, Detection, Rejected
 from camcal.refinement.saddle import refine_saddle
 from camcal.refinement.verdicts import Refinement
@@ -35,10 +36,13 @@ class Refined:
         With the corners that were accepted.
     refused : tuple of str
         One clause for each corner that was not: its id and why.
+    refused_px : tuple of (float, float)
+        Where each of those had been found, pixels.
     """
 
     detection: Detection
     refused: tuple[str, ...] = ()
+    refused_px: tuple[tuple[float, float], ...] = ()
 
 
 def observe(
@@ -51,7 +55,7 @@ def observe(
 
     def work(image: ImageFile) -> Refined | Rejected:
         try:
-            gray = read_gray(image.path)
+            gray = image.gray()
         except InputError as error:
             if image.named:
                 raise
@@ -65,7 +69,7 @@ def observe(
         views = each(work, found, jobs, advance)
     kept = [view for view in views if isinstance(view, Refined)]
     flagged = flag_blurred([view.detection for view in kept])
-    refined = [Refined(seen, view.refused) for seen, view in zip(flagged, kept, strict=True) if isinstance(seen, Detection)]
+    refined = [replace(view, detection=seen) for seen, view in zip(flagged, kept, strict=True) if isinstance(seen, Detection)]
     return refined, [view for view in views if isinstance(view, Rejected)]
 
 
@@ -83,14 +87,14 @@ def observe_again(
     Every corner is a candidate again, also one that did not fit the first calibration; a view that has no pose in it stays
     as it is. The images are read once more, so that memory does not grow with their number.
     """
-    paths = {image.name: image.path for image in found}
+    images = {image.name: image for image in found}
     poses = {seen.source: pose for seen, pose in zip(first.detections, first.poses, strict=True)}
 
     def work(view: Refined) -> Refined:
         detection = view.detection
         if detection.source not in poses:
             return view
-        gray = read_gray(paths[detection.source])
+        gray = images[detection.source].gray()
         pose = poses[detection.source]
         fit = refine_warped(gray, detection.ids, detection.corners_px, board, camera=first.camera, T_cam_board=pose)
         again = _applied(fit, detection)
@@ -100,22 +104,33 @@ def observe_again(
         return each(work, views, jobs, advance)
 
 
-def replay(path: Path, board: Board, *, only_used: bool) -> list[Detection]:
-    """Read detections from a corners file; every id must be one of the board's.
+def replay(path: Path, board: Board, *, only_used: bool, size: Size | None = None) -> list[Detection]:
+    """Read detections from a corners file, camcal's or another tool's; every id must be one of the board's.
 
     Raises
     ------
     InputError
         If the file cannot be used or holds corners of another board.
     """
-    detections = load_corners(path, only_used=only_used)
+    detections = read_corners(path, board, size=size, only_used=only_used)
+    refuse_other_board(detections, board, str(path))
+    return list(detections)
+
+
+def refuse_other_board(detections: Sequence[Detection], board: Board, where: str) -> None:
+    """Refuse views with ids that the board does not have.
+
+    Raises
+    ------
+    InputError
+        If there are some.
+    """
     for detection in detections:
         if len(detection) and detection.ids[-1] >= board.feature_count:
             raise InputError(
-                f"{path}: {detection.source}: id {detection.ids[-1]} is not on the board "
+                f"{where}: {detection.source}: id {detection.ids[-1]} is not on the board "
                 f"({board.spec} has ids 0 to {board.feature_count - 1}). Pass the board that was detected with --board."
             )
-    return list(detections)
 
 
 def of_one_size(detections: Sequence[Detection]) -> tuple[list[Detection], list[Rejected]]:
@@ -157,4 +172,5 @@ def _applied(fit: Refinement, detection: Detection) -> Refined:
         note = f"corners as detected: only {fit.ok.sum()} of {len(detection)} could be refined"
         return Refined(replace(detection, notes=(*detection.notes, note)))
     named = zip(detection.ids.tolist(), fit.ok.tolist(), fit.reasons, strict=True)
-    return Refined(fit.applied(detection), tuple(f"corner {id_}: {reason}" for id_, ok, reason in named if not ok))
+    clauses = tuple(f"corner {id_}: {reason}" for id_, ok, reason in named if not ok)
+    return Refined(fit.applied(detection), clauses, tuple((x, y) for x, y in detection.corners_px[~fit.ok].tolist()))

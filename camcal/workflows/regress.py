@@ -26,8 +26,9 @@ from camcal.synthesis.poses import sample_pose
 from camcal.synthesis.render import render_ideal
 from camcal.synthesis.scenario import Scenario
 from camcal.workflows.calibrate import CalibrationRun, calibrate
+from camcal.workflows.comparison_report import claim_page, write_suite
 from camcal.workflows.parallel import each
-from camcal.workflows.reporting import LogReporter, Reporter, SilentReporter
+from camcal.workflows.reporting import LogReporter, ProgressOnly, Reporter, SilentReporter
 from camcal.workflows.synth import IMAGES, scenario_file, synth
 
 
@@ -130,6 +131,7 @@ def regress(
     baseline: str | Path | None = None,
     update_baseline: bool = False,
     junit: str | Path | None = None,
+    html: str | Path | None = None,
     refine: str = "warped",
     jobs: int | None = None,
     reporter: Reporter | None = None,
@@ -146,6 +148,8 @@ def regress(
         Whether the baseline is written from this run instead.
     junit : path, optional
         Where to write the results as JUnit XML as well.
+    html : path, optional
+        Where to write them as a page as well; a file that is there is replaced.
     refine : str
         How corners are refined, as for `calibrate`.
     jobs : int, optional
@@ -167,6 +171,7 @@ def regress(
     reporter = reporter or LogReporter()
     if update_baseline and baseline is None:
         raise InputError("--update-baseline: needs --baseline FILE to write to.")
+    page = claim_page(html)
     scenarios = [scenario_file(config) for config in configs] or [config_path(name) for name in config_names()]
     loaded = [load_scenario(path) for path in scenarios]
     names = [scenario.name for scenario in loaded]
@@ -179,7 +184,7 @@ def regress(
     with reporter.progress("Scenarios", len(loaded)) as advance:
         for path, scenario in zip(scenarios, loaded, strict=True):
             started = time.perf_counter()
-            figures = measure(path, scenario, refine=refine, jobs=jobs)
+            figures = measure(path, scenario, refine=refine, jobs=jobs, reporter=ProgressOnly(reporter))
             problems = () if known is None else worse_figures(figures, known.figures[scenario.name])
             results.append(ScenarioResult(scenario.name, figures, time.perf_counter() - started, problems))
             advance()
@@ -188,6 +193,9 @@ def regress(
         save_baseline(baseline, Baseline({result.name: result.figures for result in results}))
     if junit is not None:
         save_junit(junit, [(result.name, result.seconds, result.problems) for result in results])
+    if page is not None:
+        with reporter.progress("Drawing the report", None):
+            write_suite(page, regression, FIGURES, {} if known is None else known.figures)
     return regression
 
 
@@ -207,18 +215,22 @@ def worse_figures(figures: Mapping[str, float], reference: Mapping[str, float]) 
     return tuple(problems)
 
 
-def measure(path: Path, scenario: Scenario, *, refine: str, jobs: int | None) -> dict[str, float]:
+def measure(
+    path: Path, scenario: Scenario, *, refine: str, jobs: int | None, reporter: Reporter | None = None
+) -> dict[str, float]:
     """Render a scenario into a temporary folder, calibrate it from pixels, and compare with its truth."""
-    quiet = SilentReporter()
+    quiet = reporter or SilentReporter()
     with tempfile.TemporaryDirectory(prefix="camcal-regress-") as name:
         data = Path(name)
         synth(path, data, force=True, jobs=jobs, reporter=quiet)
         run = calibrate(data / IMAGES, str(data / "board.yaml"), refine=refine, jobs=jobs, reporter=quiet)
         truth = load_corners(data / "corners.csv")
+    with quiet.progress("Bounding", None):
+        corners = _corner_figures(scenario, truth, run, jobs)
     return {
         "views": float(len(run.calibration.detections)),
         "detected_share": run.calibration.corner_count / sum(len(view) for view in truth),
-        **_corner_figures(scenario, truth, run, jobs),
+        **corners,
         **_camera_figures(scenario, run),
     }
 

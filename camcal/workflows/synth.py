@@ -74,6 +74,14 @@ def synth(
     ------
     InputError
         If the scenario is wrong or the folder cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile, camcal
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     made = camcal.synth("webcam_720p", f"{folder}/data")
+    ...     sorted(path.name for path in made.folder.iterdir()), made.corners
+    (['board.yaml', 'camera.yaml', 'corners.csv', 'images', 'views.yaml'], 1080)
     """
     reporter = reporter or LogReporter()
     scenario = load_scenario(scenario_file(config))

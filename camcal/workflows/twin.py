@@ -129,7 +129,8 @@ def run_twins(
     if count < 1:
         raise InputError(f"--twin: too few (got {count}, expected at least 1).")
     reporter = reporter or LogReporter()
-    looks = measured_looks(calibration, board, found, jobs)
+    with reporter.progress("Measuring blur", None):
+        looks = measured_looks(calibration, board, found, jobs)
     if not looks:
         blind = _Outcome(None, "no corner of the photographs could be fitted, so their blur and noise are not known", {})
         return _gathered(calibration, [blind] * count)

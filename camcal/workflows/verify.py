@@ -13,6 +13,7 @@ from camcal.formats.board_file import load_board
 from camcal.formats.camera_file import load_intrinsics
 from camcal.formats.corners_file import load_corners
 from camcal.formats.views_file import load_views
+from camcal.workflows.comparison_report import claim_page, write_comparison
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +54,12 @@ class Verification:
 
 
 def verify(
-    estimate: str | Path, truth: str | Path, *, max_diff_px: float | None = None, max_sigma: float | None = None
+    estimate: str | Path,
+    truth: str | Path,
+    *,
+    max_diff_px: float | None = None,
+    max_sigma: float | None = None,
+    html: str | Path | None = None,
 ) -> Verification:
     """Compare an estimate with the truth.
 
@@ -65,6 +71,8 @@ def verify(
         Gate: the largest projection difference over the image, after the implied rotation is fitted, in pixels.
     max_sigma : float, optional
         Gate: the largest error of a solved parameter in its standard deviations.
+    html : path, optional
+        Where to write the result as a page as well; a file that is there is replaced.
 
     Returns
     -------
@@ -75,10 +83,23 @@ def verify(
     ------
     InputError
         If a file is missing or wrong, the cameras' image sizes differ, or a gate cannot be applied.
+
+    Examples
+    --------
+    >>> import tempfile, camcal
+    >>> camera = camcal.Camera((640, 480), [[520, 0, 322], [0, 523, 236], [0, 0, 1]], [-0.18, 0.06])
+    >>> longer = camcal.Camera(camera.size, camera.K * [[1.01, 1, 1], [1, 1.01, 1], [1, 1, 1]], camera.dist)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     camcal.save_intrinsics(f"{folder}/truth.yaml", camcal.Intrinsics(camera))
+    ...     camcal.save_intrinsics(f"{folder}/estimate.yaml", camcal.Intrinsics(longer))
+    ...     found = camcal.verify(f"{folder}/estimate.yaml", f"{folder}/truth.yaml", max_diff_px=1)
+    >>> found.problems
+    ('--max-diff: projection differs by up to 4.012 px (expected at most 1)',)
     """
     for option, limit in (("--max-diff", max_diff_px), ("--max-sigma", max_sigma)):
         if limit is not None and not limit > 0:
             raise InputError(f"{option}: out of range (got {limit:g}, expected more than 0).")
+    page = claim_page(html)
     estimated, true = load_intrinsics(estimate), load_intrinsics(truth)
     projection = projection_difference(true.camera, estimated.camera)
     parameters = parameter_errors(true, estimated)
@@ -91,9 +112,13 @@ def verify(
         _difference_problem(projection, max_diff_px),
         _sigma_problem(parameters, max_sigma),
     )
-    return Verification(
+    found = Verification(
         projection, parameters, _compare_views(Path(estimate), Path(truth)), tuple(problem for problem in problems if problem)
     )
+    if page is not None:
+        gates = {"--max-diff": max_diff_px, "--max-sigma": max_sigma}
+        write_comparison(page, found, (str(estimate), str(truth)), true.camera.size, gates)
+    return found
 
 
 def _difference_problem(projection: ProjectionDifference, limit: float | None) -> str | None:

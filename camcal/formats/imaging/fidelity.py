@@ -39,7 +39,8 @@ def refuse_loss(path: Path, content: bytes) -> None:
     obstacle = _obstacle(path, content)
     if obstacle:
         raise InputError(
-            f"{path}: cannot be changed without loss ({obstacle}). Save it as a single grey, RGB or RGBA image first."
+            f"{path}: cannot be changed without loss ({obstacle}). "
+            "Save it as a single grey, RGB or RGBA image of 8 or 16 unsigned bits or of 32-bit floats first."
         )
 
 

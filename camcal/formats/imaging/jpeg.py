@@ -118,12 +118,15 @@ def with_metadata(encoded: bytes, described: Metadata, note: str) -> tuple[bytes
         left_behind.append(f"colour profile of {len(icc)} bytes")
         parts = []
     segments += [Segment(0xE2, _ICC + bytes((number, len(parts))) + part) for number, part in enumerate(parts, 1)]
-    return _put_in(encoded, [*segments, *_comments(*described.comments, note)]), left_behind
+    comments = [text for text in described.comments if len(text.encode()) <= _LONGEST_BODY]
+    if len(comments) < len(described.comments):
+        left_behind.append(f"comments of more than {_LONGEST_BODY} bytes")
+    return _put_in(encoded, [*segments, *_comments(*comments, note)]), left_behind
 
 
 def _comments(*texts: str) -> list[Segment]:
-    """Comment segments, each cut to what one can hold."""
-    return [Segment(COMMENT, text.encode()[:_LONGEST_BODY]) for text in texts]
+    """Comment segments."""
+    return [Segment(COMMENT, text.encode()) for text in texts]
 
 
 def _put_in(encoded: bytes, segments: Iterable[Segment]) -> bytes:

@@ -7,57 +7,10 @@ from dataclasses import dataclass, field, replace
 
 from camcal.errors import InputError
 from camcal.formats.video.containers import takes_encoder
+from camcal.formats.video.encoders import ENCODERS, HIGHEST_CRF, Encoder, encoders_of
 from camcal.formats.video.pixels import PixelLayout, holds_exactly, planar_layout
+from camcal.nearest import did_you_mean
 
-
-@dataclass(frozen=True, slots=True)
-class Encoder:
-    """What is to be known of one of libav's encoders.
-
-    Attributes
-    ----------
-    codec : str
-        libav's name of the codec.
-    quality : str
-        Option that sets the quality, "" where there is none.
-    default, low, high : float
-        Quality that is not told from the source by eye, and the range of the scale; lower is better.
-    always : mapping
-        Options in any case.
-    lossless : mapping or None
-        Options for a lossless video; None if there are none.
-    """
-
-    codec: str
-    quality: str = ""
-    default: float = 0.0
-    low: float = 0.0
-    high: float = 0.0
-    always: Mapping[str, str] = field(default_factory=dict)
-    lossless: Mapping[str, str] | None = None
-
-
-_X265_QUIET = "log-level=none"
-ENCODERS: Mapping[str, Encoder] = {
-    "libx264": Encoder("h264", "crf", 18, 0, 51, lossless={"qp": "0"}),
-    "libx264rgb": Encoder("h264", "crf", 18, 0, 51, lossless={"qp": "0"}),
-    "libx265": Encoder("hevc", "crf", 20, 0, 51, {"x265-params": _X265_QUIET}, {"x265-params": f"{_X265_QUIET}:lossless=1"}),
-    "libsvtav1": Encoder("av1", "crf", 22, 1, 63, {"preset": "7"}, {"svtav1-params": "lossless=1"}),
-    "libvpx-vp9": Encoder("vp9", "crf", 22, 0, 63, {"b": "0", "row-mt": "1", "cpu-used": "3"}, {"lossless": "1"}),
-    # VP8 needs a rate for its quality to work within: one that is never reached.
-    "libvpx": Encoder("vp8", "crf", 8, 4, 63, {"b": "200M", "cpu-used": "2"}),
-    "mjpeg": Encoder("mjpeg", "global_quality", 2, 1, 31, {"flags": "+qscale"}),
-    "prores_ks": Encoder("prores", always={"vendor": "apl0"}),
-    "dnxhd": Encoder("dnxhd"),
-    "ffv1": Encoder("ffv1", always={"level": "3", "slicecrc": "1", "g": "1"}, lossless={}),
-    **{
-        name: Encoder(name, lossless={})
-        for name in ("ffvhuff", "huffyuv", "utvideo", "magicyuv", "png", "qtrle", "v210", "rawvideo")
-    },
-}
-"""The encoders that are used, the preferred one of a codec first."""
-
-_ALIASES = {"h265": "hevc", "x264": "h264", "x265": "hevc", "avc": "h264", "raw": "rawvideo"}
 # Where the source's codec cannot be written: the most widely played first.
 _INSTEAD = ("libx264", "libx264rgb", "libx265", "libsvtav1", "libvpx-vp9", "ffv1")
 _INSTEAD_LOSSLESS = ("ffv1", "libx264", "libx264rgb", "libx265", "libvpx-vp9")
@@ -115,6 +68,26 @@ class EncodingOptions:
     pixel_format: str | None = None
     preset: str | None = None
     threads: int = 0
+
+    def __post_init__(self) -> None:
+        if self.codec is not None and not encoders_of(self.codec):
+            known = tuple(dict.fromkeys(encoder.codec for encoder in ENCODERS.values()))
+            hint = did_you_mean(self.codec, known)
+            raise InputError(
+                f"--codec: not one that is written (got {self.codec!r}, expected one of {', '.join(known)}).{hint}"
+            )
+        if self.quality is not None and not 0 <= self.quality <= HIGHEST_CRF:
+            raise InputError(f"--crf: out of range (got {self.quality:g}, expected at most {HIGHEST_CRF:g}; lower is better).")
+        if self.pixel_format is not None:
+            import av
+
+            try:
+                av.VideoFormat(self.pixel_format)
+            except ValueError:
+                raise InputError(
+                    f"--pixel-format: there is none of that name (got {self.pixel_format!r}). "
+                    "Use one of libav's, such as yuv420p or yuv420p10le."
+                ) from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,25 +167,20 @@ class _Request:
 
 def _as_asked(codec: str, layout: PixelLayout, request: _Request) -> Encoding:
     """Take the codec that the user names, or say why it cannot be."""
-    name = _ALIASES.get(codec.lower(), codec.lower())
-    encoders = [key for key, encoder in ENCODERS.items() if name in (key, encoder.codec)]
-    if not encoders:
-        known = ", ".join(dict.fromkeys(encoder.codec for encoder in ENCODERS.values()))
-        raise InputError(f"codec {codec}: not one that is written (got {codec!r}, expected one of {known}).")
-    fitting = [key for key in encoders if takes_encoder(key, request.container)]
+    fitting = [key for key in encoders_of(codec) if takes_encoder(key, request.container)]
     if not fitting:
-        raise InputError(f"codec {codec}: does not fit into {request.container}. Write .mkv, or choose another codec.")
+        raise InputError(f"--codec: {codec} does not fit into {request.container}. Write .mkv, or choose another codec.")
     if request.lossless and all(ENCODERS[key].lossless is None for key in fitting):
         if request.options.lossless is None:
             return _as_asked(codec, layout, replace(request, lossless=False))
-        raise InputError(f"codec {codec}: cannot be lossless. Choose ffv1 or h264, or say that it need not be.")
+        raise InputError(f"--codec: {codec} cannot be lossless. Choose ffv1 or h264, or leave --lossless away.")
     for key in fitting:
         held = _encoder_format(key, layout)
         if held is not None:
             return _encoding(key, held, layout, request)
     takes = ", ".join(dict.fromkeys(form for key in fitting for form in _formats(key)))
     raise InputError(
-        f"codec {codec}: cannot hold {layout.name} (it holds {takes}). Choose another codec, or one of these pixel formats."
+        f"--codec: {codec} cannot hold {layout.name} (it holds {takes}). Choose another codec, or one of these pixel formats."
     )
 
 
@@ -223,11 +191,11 @@ def _encoding(name: str, held: str, layout: PixelLayout, request: _Request) -> E
     if request.lossless and encoder.lossless is not None:
         settings.update(encoder.lossless)
         if options.quality is not None:
-            raise InputError(f"quality: a lossless video has none (got {options.quality:g}). Leave one of the two away.")
+            raise InputError(f"--crf: a lossless video has none (got {options.quality:g}). Leave one of the two away.")
     elif encoder.quality:
         settings[encoder.quality] = _quality(name, encoder, options.quality)
     elif options.quality is not None:
-        raise InputError(f"quality: {encoder.codec} has no such scale (got {options.quality:g}). Leave it away.")
+        raise InputError(f"--crf: {encoder.codec} has no such scale (got {options.quality:g}). Leave it away.")
     if encoder.codec == "prores":
         best = "4444" if layout.alpha or "444" in layout.name else "hq"
         settings["profile"] = _PRORES_PROFILES.get(source.profile, best) if source.codec == "prores" else best
@@ -245,7 +213,7 @@ def _quality(name: str, encoder: Encoder, asked: float | None) -> str:
     value = encoder.default if asked is None else asked
     if not encoder.low <= value <= encoder.high:
         raise InputError(
-            f"quality: out of {encoder.codec}'s range (got {value:g}, expected {encoder.low:g} to {encoder.high:g}; "
+            f"--crf: out of {encoder.codec}'s range (got {value:g}, expected {encoder.low:g} to {encoder.high:g}; "
             "lower is better)."
         )
     return str(round(value * _JPEG_QUALITY_UNIT)) if name == "mjpeg" else f"{value:g}"
@@ -263,13 +231,7 @@ def _differences(encoder: Encoder, layout: PixelLayout, source: SourceCodec, opt
 
 def _asked_layout(name: str, source: PixelLayout) -> PixelLayout:
     """Describe the pixel format that the user names."""
-    try:
-        centred = source.planes[0].siting == "center"
-        return planar_layout(name, full_range=source.full_range, centred_chroma=centred)
-    except ValueError:
-        raise InputError(
-            f"pixel format {name}: there is none of that name. Use one of libav's, as yuv420p or yuv420p10le."
-        ) from None
+    return planar_layout(name, full_range=source.full_range, centred_chroma=source.planes[0].siting == "center")
 
 
 def _nearly(name: str, layout: PixelLayout) -> tuple[str | None, PixelLayout]:

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Self
 
 from camcal.errors import InputError
 from camcal.formats.video.clock import Clock
-from camcal.formats.video.opening import is_cover, main_stream, open_video, refuse_cut_file
+from camcal.formats.video.decoding import Decoder
+from camcal.formats.video.opening import main_stream, open_video, refuse_cut_file
 from camcal.formats.video.pixels import PixelLayout, planar_layout, plane_arrays
 from camcal.formats.video.trimming import FrameRange, PacketGate, packet_time_s
 from camcal.observations import Image
@@ -21,13 +22,9 @@ if TYPE_CHECKING:
     from av import Packet, VideoFrame, VideoStream
     from av.stream import Stream
 
-    Event = VideoFrame | Packet[Stream]
+    from camcal.formats.video.decoding import Event
 
 _FULL_RANGE, _LIMITED_RANGE = 2, 1
-# Containers whose header says when the file ends, and whether that counts from its first time; others are guessed at.
-_SAYS_END = {"mov": True, "matroska": False, "avi": False}
-# How far a file may end before its header says: cameras round, and sound may end a little earlier.
-_MISSING_S = 0.5
 _LATE_S = 10
 
 
@@ -194,7 +191,7 @@ class VideoReader:
 
         refuse_cut_file(self.path, self.stream, chosen)
         gate = PacketGate(chosen, copy)
-        count, self._before_range = 0, chosen.start > 0
+        count, self._decoder.is_lenient = 0, chosen.start > 0
         for event in self._events:
             if not isinstance(event, VideoFrame):
                 gate.offer(event)
@@ -202,7 +199,7 @@ class VideoReader:
             picture = self._picture(event)
             gate.reached(count, picture.pts * self.time_base)
             if count >= chosen.start:
-                self._before_range = False
+                self._decoder.is_lenient = False
                 yield picture
             count += 1
             if count == chosen.stop:
@@ -212,7 +209,7 @@ class VideoReader:
             gate.finish()
         if count <= chosen.start:
             raise InputError(f"{self.path}: no frame in the range (got frames {chosen}, expected a start below {count}).")
-        self._warn_of_damage()
+        self.warnings += self._decoder.warnings
 
     def convert_to(self, layout: PixelLayout) -> None:
         """Give pictures of another layout from now on."""
@@ -225,11 +222,9 @@ class VideoReader:
         """Decode up to the first frame, which tells what the stream's header may leave out."""
         from av import VideoFrame
 
-        self._decoded = self._concealed = self._passed_over = 0
-        self._before_range = False
-        self._end_s = Fraction(0)
         self._clock = Clock(self.path, self.time_base, self.rate, counts=self.container.format.name == "avi")
-        events = self._decode()
+        self._decoder = Decoder(self.path, self.container, self.stream, self._clock)
+        events = self._decoder.events()
         early: list[Event] = []
         for event in events:
             early.append(event)
@@ -246,42 +241,6 @@ class VideoReader:
         self.convert_to(self.layout)
         if self.stream.metadata.get("alpha_mode") == "1" and not self.layout.alpha:
             self.warnings.append(f"{self.path}: its transparency is not read.")
-
-    def _decode(self) -> Iterator[Event]:
-        """Read and decode to the end of the file; packets of other streams come as they are."""
-        import av
-
-        packets = self.container.demux()
-        while True:
-            try:
-                packet = next(packets, None)
-            except av.FFmpegError as error:
-                raise self._damaged(str(error.strerror)) from None
-            if packet is None:
-                break
-            self._end_s = max(self._end_s, packet_time_s(packet) + (packet.duration or 0) * packet.time_base)
-            if packet.stream.index == self.stream.index:
-                yield from self._frames(packet)
-            elif packet.size and (is_cover(packet.stream) or packet.stream.type != "video"):
-                yield packet
-        self._refuse_early_end()
-
-    def _frames(self, packet: Packet[Stream]) -> list[VideoFrame]:
-        """Decode one packet of the video; what cannot be decoded before the first frame of the range is passed over."""
-        import av
-
-        self._clock.count(packet)
-        try:
-            frames: list[VideoFrame] = self.stream.decode(packet)
-        except av.FFmpegError as error:
-            if self._decoded and not self._before_range:
-                raise self._damaged(str(error.strerror)) from None
-            # A recording cut out of a broadcast begins between key frames; what lies before a range need not be whole.
-            self._passed_over += 1
-            return []
-        self._decoded += len(frames)
-        self._concealed += sum(frame.is_corrupt for frame in frames)
-        return frames
 
     def _picture(self, frame: VideoFrame) -> Picture:
         """Check a frame against the first one and give its planes."""
@@ -328,31 +287,3 @@ class VideoReader:
                 f"{self.path}: interlaced (each frame holds two moments, which a lens correction would mix). "
                 "Deinterlace it first, or say that it is progressive if it is only marked so."
             )
-
-    def _refuse_early_end(self) -> None:
-        """Refuse a file that ends before its header says."""
-        counts_from_first = _SAYS_END.get(self.container.format.name.partition(",")[0])
-        if counts_from_first is None or not self.container.duration:
-            return
-        first = self.container.start_time or 0 if counts_from_first else 0
-        expected_s = Fraction(self.container.duration + first, 1_000_000)
-        if self._end_s < expected_s - Fraction(_MISSING_S):
-            raise self._damaged(f"it ends there, its header says {float(expected_s):.2f} s")
-
-    def _damaged(self, cause: str) -> InputError:
-        if not self._decoded:
-            return InputError(f"{self.path}: no frame could be decoded ({cause}). Check that it plays, or record it again.")
-        time_s = float(self._clock.last_s)
-        return InputError(
-            f"{self.path}: truncated or damaged at {time_s:.2f} s, frame {self._decoded} ({cause}). Copy it again, or take "
-            f"what is whole with --frames 0:{self._decoded}."
-        )
-
-    def _warn_of_damage(self) -> None:
-        for count, one, text in (
-            (self._passed_over, "packet", "passed over before the first frame: undecodable, and not counted as a frame"),
-            (self._concealed, "damaged frame", "written as the decoder concealed the damage"),
-            (self._clock.nudged, "frame", "at the time of the frame before, now shown one tick later"),
-        ):
-            if count:
-                self.warnings.append(f"{self.path}: {count} {one}{'' if count == 1 else 's'} {text}.")

@@ -12,9 +12,10 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from camcal.errors import InputError
-from camcal.formats.video.codecs import ENCODERS, Encoding
+from camcal.formats.video.codecs import Encoding
 from camcal.formats.video.companions import Companions
 from camcal.formats.video.containers import container_options
+from camcal.formats.video.encoders import ENCODERS
 from camcal.formats.video.pixels import plane_arrays
 from camcal.formats.video.reader import VideoReader
 from camcal.formats.video.tags import COLOUR_TAGS, container_tags, display_matrix, losses, stream_tags

@@ -14,10 +14,11 @@ from camcal.observations import Intrinsics
 from camcal.workflows.inputs import Inputs, as_paths
 from camcal.workflows.reporting import LogReporter, Reporter
 from camcal.workflows.undistort.companions import Companions, camera_of_results
-from camcal.workflows.undistort.geometry import Cameras, Geometry
+from camcal.workflows.undistort.geometry import Cameras, Geometry, share_past_fold
 from camcal.workflows.undistort.image import ImageOptions
 from camcal.workflows.undistort.inputs import Source, Sources, find_sources
 from camcal.workflows.undistort.options import FileChoice, refuse_for_points
+from camcal.workflows.undistort.passed_over import warn_of_others
 from camcal.workflows.undistort.plan import Place, choose_place, first_size, refuse_lost_cameras
 from camcal.workflows.undistort.run import Run, Undistortion
 from camcal.workflows.undistort.work import Setting
@@ -121,7 +122,8 @@ def undistort(
     progressive : bool
         Take frames of videos that are marked as interlaced as whole ones.
     recursive : bool
-        Whether folders within the given folders are looked into; they are made again in the output.
+        Whether folders within the given folders are looked into, but for results of earlier runs; they are made again in
+        the output.
     listed : iterable of path
         More inputs, of which one that cannot be used is rejected instead of refused.
     resume : bool
@@ -144,6 +146,18 @@ def undistort(
     ------
     InputError
         If a named file or an option cannot be used, nothing found is of use, or a result would replace an input.
+
+    Examples
+    --------
+    >>> import tempfile, cv2, camcal
+    >>> camera = camcal.Camera((640, 480), [[520, 0, 322], [0, 523, 236], [0, 0, 1]], [-0.18, 0.06])
+    >>> pose = camcal.Pose.from_rvec([0.3, -0.2, 0.1], [-0.07, -0.05, 0.3])
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     camcal.save_intrinsics(f"{folder}/camera.yaml", camcal.Intrinsics(camera))
+    ...     _ = cv2.imwrite(f"{folder}/left.png", camcal.render(camera, "checkerboard:7x6:20mm", pose))
+    ...     done = camcal.undistort(f"{folder}/left.png", f"{folder}/camera.yaml", f"{folder}/straight", alpha=1)
+    >>> done.images, done.target
+    (('left.png',), Camera(640x480, fx=468.201, fy=470.902, cx=322.28, cy=235.782))
     """
     reporter = reporter or LogReporter()
     paths = as_paths(inputs)
@@ -164,10 +178,11 @@ def undistort(
     image_options = choice.image_options(most_pixels)
     found = find_sources(paths, listed=listed, recursive=recursive, without=Path(output), extension=choice.extension)
     choice.check_kinds(found.files)
-    _warn_of_others(found, reporter)
+    warn_of_others(found, reporter)
     place = choose_place(output, found.files, choice.extension)
     refuse_lost_cameras(place, (camera, target))
     cameras = _cameras(geometry, known.camera, found.files, most_pixels)
+    _warn_of_fold(camera, known.camera, geometry, reporter)
     has_videos = any(file.is_video for file in found.files)
     video_options = choice.video_options(jobs or 0) if has_videos else None
     setting = Setting(cameras, image_options, video_options, exact, distort)
@@ -212,6 +227,14 @@ def _load_camera(camera: str | Path, reporter: Reporter) -> Intrinsics:
     return known
 
 
+def _warn_of_fold(path: str | Path, camera: Camera, geometry: Geometry, reporter: Reporter) -> None:
+    """Say how much of the image has no place in a result that is to show all of it."""
+    share = share_past_fold(camera) if geometry.shows_all else 0.0
+    if share > 0:
+        where = f"its lens model folds {camera.valid_radius_px:.0f} px from the principal point"
+        reporter.warn(f"{path}: {where}; what lies farther out, {share:.1%} of the image, cannot be shown.")
+
+
 def _cameras(geometry: Geometry, camera: Camera, files: Sequence[Source], most_pixels: int) -> Cameras:
     """Choose the cameras, for the size of the first file if the camera may be scaled to it."""
     first = first_size(files, most_pixels) if geometry.rescale else None
@@ -222,10 +245,3 @@ def _cameras(geometry: Geometry, camera: Camera, files: Sequence[Source], most_p
         return geometry.cameras(camera, size)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-
-
-def _warn_of_others(found: Sources, reporter: Reporter) -> None:
-    """Say in one line how many other files there are."""
-    if found.others:
-        count = len(found.others)
-        reporter.warn(f"{count} other {'file' if count == 1 else 'files'} passed over (first: {found.others[0].name}).")

@@ -166,7 +166,7 @@ def _report(job: Job, future: Future[Report]) -> Report:
     try:
         return future.result()
     except KilledWorker:
-        return Report(Rejected(job.name, "every worker that tried it died (out of memory?)"), None)
+        return Report(Rejected(job.label, "every worker that tried it died (out of memory?)"), None)
     except ModuleNotFoundError as error:
         raise InputError(f"--scheduler: a worker lacks a module ({error}). Install camcal on every worker.") from None
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from camcal.errors import InputError
 from camcal.formats.camera_file import load_intrinsics
 from camcal.undistortion.maps import UndistortMap, undistort_map
@@ -14,6 +16,8 @@ from camcal.undistortion.target import target_camera
 
 if TYPE_CHECKING:
     from camcal.geometry.camera import Camera
+
+_NODES = 101
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,6 +75,22 @@ class Geometry:
         else:
             ideal = load_intrinsics(self.target).camera
         return Cameras(ideal, camera) if self.distort else Cameras(camera, ideal)
+
+    @property
+    def shows_all(self) -> bool:
+        """Whether more is asked for than what surely sees the source."""
+        return self.alpha > 0 or self.fov_deg is not None or self.target is not None or self.distort
+
+
+def share_past_fold(camera: Camera) -> float:
+    """Share of a camera's image that lies past the fold of its lens, where no ray ends, to about a thousandth."""
+    width, height = camera.size
+    corners = np.array([(0, 0), (width - 1, 0), (0, height - 1), (width - 1, height - 1)])
+    if np.linalg.norm(corners - camera.K[:2, 2], axis=1).max() <= camera.valid_radius_px:
+        return 0.0
+    u, v = (np.linspace(0, side - 1, _NODES) for side in camera.size)
+    rays = camera.unproject(np.stack(np.meshgrid(u, v), axis=-1))
+    return float(np.isnan(rays[..., 0]).mean())
 
 
 @dataclass(frozen=True, slots=True, eq=False)

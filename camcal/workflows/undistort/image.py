@@ -22,7 +22,9 @@ from camcal.formats.metadata import carry_metadata
 from camcal.formats.output import write_atomically
 from camcal.formats.text import read_bytes
 from camcal.observations import Image
+from camcal.undistortion.kernels import KERNELS
 from camcal.undistortion.maps import UndistortMap, undistort_image
+from camcal.undistortion.sizes import advice_on_size
 
 _memory = threading.local()
 
@@ -89,6 +91,7 @@ def undistort_image_file(
     refuse_size(source, image_size(content), undistort.source.size)
     refuse_loss(source, content)
     image, warnings = _decoded(source, content)
+    warnings += _spread(image, chosen.interpolation)
     check_storable(target, image.dtype, channels_of(image))
     result = _resampled(source, image, undistort, chosen, is_alpha=has_alpha(content))
     encoded = encode(target, result, coding_like(content, target, chosen.quality))
@@ -124,7 +127,7 @@ def refuse_size(path: Path, size: tuple[int, int] | None, expected: tuple[int, i
     if size is not None and size != expected:
         raise InputError(
             f"{path}: not the camera's image size (got {size[0]}x{size[1]}, expected {expected[0]}x{expected[1]}). "
-            "Use the camera file that was calibrated at this size."
+            f"{advice_on_size(size, expected)}"
         )
 
 
@@ -133,6 +136,14 @@ def _decoded(path: Path, content: bytes) -> tuple[Image, list[str]]:
     image, warnings = decode_into(path, content, getattr(_memory, "decoded", None))
     _memory.decoded = image
     return image, warnings + expansions(path, content, image)
+
+
+def _spread(image: Image, interpolation: str) -> list[str]:
+    """Say if pixels that are no numbers will spoil others around them: sharper kernels read many pixels for each."""
+    kernel = KERNELS.get(interpolation)
+    if kernel is None or not kernel.needs_floats or image.dtype != np.float32 or np.isfinite(image).all():
+        return []
+    return [f"NaN or infinite pixels spoil others up to {kernel.reach} px away: --interpolation linear only their neighbours"]
 
 
 def _resampled(path: Path, image: Image, undistort: UndistortMap, options: ImageOptions, *, is_alpha: bool) -> Image:

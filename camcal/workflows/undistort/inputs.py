@@ -11,9 +11,8 @@ from typing import TypeAlias
 
 from camcal.errors import InputError
 from camcal.formats.images import EXTENSIONS
-from camcal.formats.imaging.header import image_format, image_size, refuse_bomb
-from camcal.formats.imaging.pixels import check_content
-from camcal.formats.text import read_bytes, unreadable
+from camcal.formats.imaging.unread import UNREAD, advice_for
+from camcal.formats.text import unreadable
 from camcal.observations import Rejected
 from camcal.workflows.undistort.ledger import LEDGER_NAME
 
@@ -28,8 +27,6 @@ COMPANIONS = ("mask.png", "maps.tiff")
 
 # A path, the folder below which its name is kept, and whether the user named it.
 _Found: TypeAlias = tuple[Path, Path, bool]
-# Where a header is, but for one behind a large thumbnail or colour profile.
-_HEAD_BYTES = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,11 +64,14 @@ class Sources:
         Files that are neither images nor videos.
     unreadable : tuple of Rejected
         Folders that could not be looked into.
+    results : tuple of Path
+        Folders of results of earlier runs, not looked into.
     """
 
     files: tuple[Source, ...]
     others: tuple[Path, ...] = ()
     unreadable: tuple[Rejected, ...] = ()
+    results: tuple[Path, ...] = ()
 
 
 def is_video(path: PurePath) -> bool:
@@ -114,10 +114,14 @@ def find_sources(
         search.add_listed(given)
     found = list(search.found.values())
     if not found and not search.unreadable:
-        raise InputError("undistort: no images or videos given. Name some, or a folder that holds some.")
+        others = f" (but {search.others[0]})" if search.others else ""
+        raise InputError(f"undistort: no images or videos given{others}. Name some, or a folder that holds some.")
     named = _with_names(found, extension)
     return Sources(
-        tuple(sorted(named, key=lambda source: source.name)), tuple(sorted(set(search.others))), tuple(search.unreadable)
+        tuple(sorted(named, key=lambda source: source.name)),
+        tuple(sorted(set(search.others))),
+        tuple(search.unreadable),
+        tuple(search.results),
     )
 
 
@@ -125,43 +129,6 @@ def read_list(content: bytes) -> tuple[str, ...]:
     """Read a list of paths: one per line, or separated by NUL as `find -print0` writes them."""
     parts = content.split(b"\0") if b"\0" in content else content.splitlines()
     return tuple(os.fsdecode(part) for part in parts if part)
-
-
-def size_of_source(path: Path, most_pixels: int) -> tuple[int, int] | None:
-    """Read the (width, height) in pixels of an image or video from its header, and refuse what is seen to be wrong there.
-
-    Returns
-    -------
-    tuple of int or None
-        None where it shows only when the file is decoded.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is empty, no image or video, or has too many pixels.
-    """
-    if is_video(path):
-        # libav takes long to import, and images do not need it.
-        from camcal.formats.video.reader import probe_video
-
-        return probe_video(path).size
-    try:
-        whole = not path.is_file() or path.stat().st_size <= _HEAD_BYTES
-        head = b"" if whole else _head(path)
-    except OSError as error:
-        raise unreadable(path, error) from None
-    if whole or image_format(head) is None:
-        content = read_bytes(path)
-        check_content(path, content, most_pixels)
-        return image_size(content)
-    refuse_bomb(path, head, most_pixels)
-    # A TIFF may say everything at its end.
-    return image_size(head) or image_size(read_bytes(path))
-
-
-def _head(path: Path) -> bytes:
-    with path.open("rb") as file:
-        return file.read(_HEAD_BYTES)
 
 
 class _Search:
@@ -173,6 +140,7 @@ class _Search:
         self.found: dict[str, _Found] = {}
         self.others: list[Path] = []
         self.unreadable: list[Rejected] = []
+        self.results: list[Path] = []
 
     def add(self, given: str | Path) -> None:
         """Add what one input stands for; it must stand for something."""
@@ -202,6 +170,8 @@ class _Search:
 
     def _add_named(self, path: Path) -> None:
         if path.suffix.lower() not in EXTENSIONS | VIDEOS:
+            if path.exists() and path.suffix.lower() in UNREAD:
+                raise InputError(f"{path}: an image of a format that is not read (got '{path.suffix}'). {advice_for(path)}")
             if path.exists():
                 kinds = "an image or a video such as .png, .jpg, .tif or .mp4"
                 raise InputError(f"{path}: neither image nor video (got '{path.suffix}', expected {kinds}).")
@@ -231,12 +201,19 @@ class _Search:
             held += self._add_found(path, folder)
         if must_hold and not held and not self.unreadable:
             below = next((sub.name for sub in subfolders if any(map(_counts, _listing(sub)))), None)
-            hint = f"but there are some in {below}/" if below and not self.recursive else "it holds none"
-            advice = "Look into its folders with --recursive." if below and not self.recursive else "Name one that does."
+            unread = next((path for path in self.others if path.suffix.lower() in UNREAD), None)
+            hint, advice = "it holds none", "Name one that does."
+            if below and not self.recursive:
+                hint, advice = f"but there are some in {below}/", "Look into its folders with --recursive."
+            elif unread:
+                hint, advice = f"but {unread.name}, of a format that is not read", advice_for(unread)
             raise InputError(f"{folder}: no images or videos in this folder ({hint}). {advice}")
 
     def _files_below(self, folder: Path, subfolders: list[Path]) -> Iterator[Path]:
-        """Files of a folder and, if asked for, of all folders within, links followed once; hidden ones are others'."""
+        """Files of a folder and, if asked for, of all folders within, links followed once; hidden ones are others'.
+
+        A folder of results within would be undistorted twice.
+        """
         seen = {os.path.realpath(folder)}
         waiting = [folder]
         while waiting:
@@ -249,6 +226,9 @@ class _Search:
                 self._reject(current, error)
                 continue
             written_here = any(entry.name == LEDGER_NAME for entry in entries)
+            if written_here and current != folder:
+                self.results.append(current)
+                continue
             for entry in entries:
                 path = current / entry.name
                 if entry.is_dir():

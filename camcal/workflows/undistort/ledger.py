@@ -11,6 +11,8 @@ import errno
 import io
 import os
 import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -22,6 +24,7 @@ LEDGER_NAME = "undistorted.csv"
 _Entry: TypeAlias = tuple[str, "Stamp", "Stamp", str]
 """What a result was made from, that file as it was, the result as it is, and the settings."""
 
+_LONGEST_LINE = 20_000
 _HEADER = ("input", "input_size", "input_mtime_ns", "output", "output_size", "output_mtime_ns", "settings")
 
 
@@ -71,6 +74,30 @@ class Ledger:
         self._entries = read_ledger(folder)
         self._is_torn = False
 
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Keep other runs out of the folder while the block runs, where the system has locks; a killed process gives it back.
+
+        Two of them would remove each other's unfinished files, and only one camera can stand beside the results.
+
+        Raises
+        ------
+        InputError
+            If another run is at work there, or the ledger cannot be written.
+        """
+        try:
+            file = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
+        except OSError as error:
+            raise self._unwritable(error) from error
+        try:
+            if not _locked(file):
+                raise InputError(
+                    f"{self._folder}: another run is writing into this folder. Wait for it to end, or choose another folder."
+                )
+            yield
+        finally:
+            os.close(file)
+
     def begin(self) -> None:
         """Make the ledger ready for lines; its presence says that a run has begun.
 
@@ -79,7 +106,8 @@ class Ledger:
         InputError
             If it cannot be written.
         """
-        if self._path.exists():
+        stamp = Stamp.of(self._path)
+        if stamp is not None and stamp.size:
             self._is_torn = not _ends_with_line(self._path)
         else:
             self._append(_HEADER)
@@ -136,8 +164,25 @@ class Ledger:
                     os.close(file)
                 self._is_torn = False
             except OSError as error:
-                cause = (error.strerror or str(error)).lower()
-                raise InputError(f"{self._path}: cannot be written ({cause}). Choose another place.") from error
+                raise self._unwritable(error) from error
+
+    def _unwritable(self, error: OSError) -> InputError:
+        return InputError(f"{self._path}: cannot be written ({(error.strerror or str(error)).lower()}). Choose another place.")
+
+
+def _locked(file: int) -> bool:
+    """Lock an open file until it is closed; false if another process has done so. Some systems and shares have no locks."""
+    try:
+        import fcntl
+    except ImportError:
+        return True
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError as error:
+        return error.errno != errno.EACCES
+    return True
 
 
 def read_ledger(folder: Path) -> dict[str, _Entry]:
@@ -153,12 +198,20 @@ def read_ledger(folder: Path) -> dict[str, _Entry]:
         content = path.read_bytes() if path.exists() else b""
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({(error.strerror or str(error)).lower()}). Remove it.") from None
-    entries: dict[str, _Entry] = {}
-    for line in content.decode("utf-8", "surrogateescape").split("\n"):
+    return dict(_entries(content.decode("utf-8", "surrogateescape").split("\n")))
+
+
+def _entries(lines: Iterable[str]) -> Iterator[tuple[str, _Entry]]:
+    """Read what can be read; a name with line breaks in it goes over several lines."""
+    begun = ""
+    for line in lines:
         named = _parsed(line)
+        if named is None and begun:
+            line = f"{begun}\n{line}"  # noqa: PLW2901
+            named = _parsed(line)
         if named is not None:
-            entries[named[0]] = named[1]
-    return entries
+            yield named
+        begun = line if named is None and len(line) < _LONGEST_LINE else ""
 
 
 def _parsed(line: str) -> tuple[str, _Entry] | None:

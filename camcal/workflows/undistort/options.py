@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from camcal.errors import InputError
 from camcal.formats.imaging.pixels import WRITTEN_EXTENSIONS
+from camcal.nearest import did_you_mean
 from camcal.undistortion.kernels import KERNELS
 from camcal.undistortion.light import parse_curve
 from camcal.workflows.undistort.image import ImageOptions
@@ -64,8 +65,10 @@ class FileChoice:
         extension = f".{self.file_format.lower().removeprefix('.')}"
         known = (*WRITTEN_EXTENSIONS, *WRITTEN_VIDEOS)
         if extension not in known:
-            shown = ", ".join(other.removeprefix(".") for other in known)
-            raise InputError(f"--format: not a format to write (got {self.file_format!r}, expected one of {shown}).")
+            names = [other.removeprefix(".") for other in known]
+            hint = did_you_mean(extension.removeprefix("."), names)
+            expected = "" if hint else f", expected one of {', '.join(names)}"
+            raise InputError(f"--format: not a format to write (got {self.file_format!r}{expected}).{hint}")
         return extension
 
     def image_options(self, most_pixels: int) -> ImageOptions:
@@ -117,6 +120,8 @@ class FileChoice:
         if not videos:
             for name in self.only_for_videos:
                 raise InputError(f"{name}: only for videos (there is none among the inputs). Leave it away.")
+        if self.quality is not None and videos and len(videos) == len(files):
+            raise InputError("--quality: only for images (there is none among the inputs). Videos have --crf.")
         for name in self.only_for_images if videos else ():
             raise InputError(
                 f"{name}: only for images (got {videos[0].path}). Undistort images and videos one after the other."

@@ -8,15 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from camcal.errors import InputError
-from camcal.formats.camera_file import CAMERA_FILE_NAME
+from camcal.formats.camera_file import CAMERA_FILE_NAME, split_choice
 from camcal.formats.images import EXTENSIONS
 from camcal.formats.imaging.pixels import WRITTEN_EXTENSIONS
+from camcal.formats.imaging.unread import UNREAD
 from camcal.formats.output import claim_file, claim_folder
 from camcal.formats.text import file_in, unreadable
 from camcal.observations import Rejected
 from camcal.workflows.undistort.image import refuse_size
-from camcal.workflows.undistort.inputs import VIDEOS, WRITTEN_VIDEOS, Source, size_of_source
+from camcal.workflows.undistort.inputs import VIDEOS, WRITTEN_VIDEOS, Source
 from camcal.workflows.undistort.ledger import LEDGER_NAME
+from camcal.workflows.undistort.probe import size_of_source
 from camcal.workflows.undistort.work import Job
 
 _CALIBRATION_FILES = ("views.yaml", "corners.csv")
@@ -93,6 +95,10 @@ def choose_place(output: str | Path, files: Sequence[Source], extension: str | N
         If a file is named for several inputs, or one of another format than asked for.
     """
     path = Path(output)
+    if is_file_name(output, UNREAD):
+        raise InputError(
+            f"{path}: not a format to write (got '{path.suffix}'). Name a file such as {path.stem}.tif, or a folder."
+        )
     if not is_file_name(output, EXTENSIONS | VIDEOS):
         return Place(path)
     if len(files) > 1:
@@ -198,7 +204,7 @@ def refuse_lost_cameras(place: Place, cameras: Iterable[str | Path | None]) -> N
         )
     mine = os.path.realpath(place.camera_file)
     for camera in cameras:
-        if camera is not None and os.path.realpath(file_in(camera, CAMERA_FILE_NAME)) == mine:
+        if camera is not None and os.path.realpath(file_in(split_choice(camera)[0], CAMERA_FILE_NAME)) == mine:
             raise InputError(f"{camera}: would be replaced by the camera of the results. Choose another folder with -o.")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -103,23 +103,28 @@ class Run:
         if dry_run:
             return self._result([Finished(job) for job in waiting], done, rejected)
         place.claim()
-        for folder in sorted({job.target.parent for job in waiting} - {place.folder}):
-            claim_folder(folder, force=True)
-        if resume:
-            sweep(jobs)
-        if ledger is not None:
-            ledger.begin()
-            self._warn_of_strangers(ledger.left_over({job.name for job in jobs}, set(keys.values())))
+        with nullcontext() if ledger is None else ledger.held():
+            for folder in sorted({job.target.parent for job in waiting} - {place.folder}):
+                claim_folder(folder, force=True)
+            if resume:
+                sweep(jobs)
+            if ledger is not None:
+                ledger.begin()
+                self._warn_of_strangers(ledger.left_over({job.name for job in jobs}, set(keys.values())))
+
+            def note(job: Job, read: Stamp | None) -> None:
+                if ledger is not None and read is not None:
+                    ledger.add(job.source, job.name, read, keys[job.is_video])
+
+            return self._done(waiting, done, rejected, note)
+
+    def _done(self, waiting: Sequence[Job], done: Sequence[Job], rejected: Sequence[Rejected], note: Note) -> Undistortion:
+        """Do what waits, tell about it, and write what belongs beside it."""
         self.companions.withdraw_camera()
-
-        def note(job: Job, read: Stamp | None) -> None:
-            if ledger is not None and read is not None:
-                ledger.add(job.source, job.name, read, keys[job.is_video])
-
         undistorter = Undistorter(self.setting)
         outcomes = self._carry_out(waiting, undistorter, note)
         result = self._result(outcomes, done, rejected)
-        self._tell(result, outcomes)
+        self._tell(result, outcomes, is_named=all(job.named for job in waiting))
         self.companions.write(lambda: undistorter.map)
         return result
 
@@ -154,11 +159,12 @@ class Run:
             warnings=tuple(text for one in finished for text in one.sentences),
         )
 
-    def _tell(self, result: Undistortion, outcomes: Sequence[Outcome]) -> None:
+    def _tell(self, result: Undistortion, outcomes: Sequence[Outcome], *, is_named: bool) -> None:
         """Pass on what is to be said of the files, and raise if there is no result at all."""
         nothing = bool(result.rejected) and not result.outputs and not result.already_done
         if nothing and len(result.rejected) == 1:
-            raise _no_result(result.rejected[0], "")
+            only = f"{result.rejected[0].source}: {result.rejected[0].reason}"
+            raise InputError(only if is_named else f"undistort: no usable image or video ({only})")
         finished = [outcome for outcome in outcomes if isinstance(outcome, Finished)]
         of_images = [(one.job.name, text) for one in finished if not one.job.is_video for text in one.warnings]
         warn_of_each(of_images, self.reporter)
@@ -168,11 +174,8 @@ class Run:
         passed_over = ((rejection.source, f"passed over: {rejection.reason}") for rejection in result.rejected)
         warn_of_each(passed_over, self.reporter)
         if nothing:
-            raise _no_result(result.rejected[0], "first: ")
-
-
-def _no_result(rejection: Rejected, order: str) -> InputError:
-    return InputError(f"undistort: no usable image or video ({order}{rejection.source}: {rejection.reason})")
+            first = result.rejected[0]
+            raise InputError(f"undistort: no usable image or video (first: {first.source}: {first.reason})")
 
 
 def sweep(jobs: Iterable[Job]) -> None:

@@ -13,8 +13,9 @@ import numpy as np
 from camcal import __version__
 from camcal.errors import InputError
 from camcal.formats.output import claim_file
-from camcal.formats.video.codecs import ENCODERS, Encoding, EncodingOptions, SourceCodec, choose_encoding
+from camcal.formats.video.codecs import Encoding, EncodingOptions, SourceCodec, choose_encoding
 from camcal.formats.video.containers import container_format
+from camcal.formats.video.encoders import ENCODERS
 from camcal.formats.video.lossless import is_lossless
 from camcal.formats.video.pixels import PixelLayout
 from camcal.formats.video.reader import VideoReader
@@ -25,6 +26,7 @@ from camcal.threads import single_threaded
 from camcal.undistortion.maps import RIM_PX, UndistortMap, undistort_image, undistort_map
 from camcal.undistortion.planes import plane_camera
 from camcal.undistortion.scratch import Scratch
+from camcal.undistortion.sizes import advice_on_size
 
 Item = TypeVar("Item")
 Planes = Sequence[Image]
@@ -251,7 +253,7 @@ def _check_size(reader: VideoReader, size: tuple[int, int]) -> None:
     turned = f", shown turned by {info.rotation_deg} degrees" if info.rotation_deg else ""
     raise InputError(
         f"{reader.path}: not the camera's image size (got {info.size[0]}x{info.size[1]}{turned}, "
-        f"expected {size[0]}x{size[1]}). Use the camera file that was calibrated at this size."
+        f"expected {size[0]}x{size[1]}). {advice_on_size(info.size, size)}"
     )
 
 

@@ -6,7 +6,7 @@ import errno
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from camcal import __version__
@@ -47,6 +47,18 @@ class Job:
     def is_video(self) -> bool:
         """Whether it is about a video."""
         return is_video(self.source)
+
+    @property
+    def label(self) -> str:
+        """What to call it where it is not done: its source's name, below the folder that the user gave."""
+        return str(PurePosixPath(self.name).with_name(self.source.name))
+
+    def rejected(self, error: InputError) -> Rejected:
+        """Say that it cannot be done, without naming its files twice; where a file cannot be written, that one is named."""
+        reason = str(error).removeprefix(f"{self.source}: ")
+        if not isinstance(error.__context__, OSError):
+            reason = reason.removeprefix(f"{self.target}: ")
+        return Rejected(self.label, reason)
 
     @property
     def format(self) -> str:
@@ -165,7 +177,7 @@ class Undistorter:
             cause = error.__context__
             if isinstance(cause, OSError) and cause.errno in _FULL:
                 raise
-            return Rejected(job.name, str(error).removeprefix(f"{job.source}: "))
+            return job.rejected(error)
 
     def _undistort_video(self, job: Job, advance: Callable[[], None] | None) -> tuple[str, ...]:
         # libav takes long to import, and images do not need it.
@@ -214,8 +226,11 @@ def carry_out_here(
 
 
 def _do_images(images: Sequence[Job], work: Callable[[Job], Outcome], count: int | None, reporter: Reporter) -> list[Outcome]:
-    if len(images) < 2:
-        return [work(job) for job in images]
+    if not images:
+        return []
+    if len(images) == 1:
+        with reporter.progress("Undistorting", None):
+            return [work(job) for job in images]
     # Threads take long to import, and a single image does not need them.
     from camcal.workflows.parallel import each
 
@@ -230,7 +245,7 @@ def _do_video(job: Job, undistorter: Undistorter, note: Note, reporter: Reporter
     try:
         frames = probe_video(job.source).frames
     except InputError as error:
-        return Rejected(job.name, str(error).removeprefix(f"{job.source}: "))
+        return job.rejected(error)
     with reporter.progress(job.name, frames) as advance:
         outcome = undistorter.do(job, advance)
     if isinstance(outcome, Finished):

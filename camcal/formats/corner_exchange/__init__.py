@@ -1,0 +1,1 @@
+"""Corners of other tools, both ways: one module for each format, joined in `table`."""

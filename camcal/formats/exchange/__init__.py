@@ -1,0 +1,1 @@
+"""Cameras of other tools, both ways: one module for each format, joined in `table`."""

@@ -1,0 +1,177 @@
+"""`camcal export` and `camcal import`, and the other commands with cameras of other tools."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from exchange_cameras import CAMERAS, same, saved
+
+from camcal.cli import main
+from camcal.cli.export import FORMATS as NAMES
+from camcal.formats.camera_file import load_intrinsics
+from camcal.formats.exchange.table import FORMATS
+from camcal.workflows.export import export_camera
+
+
+@pytest.fixture
+def run(capsys):
+    """Run a command line: exit code, standard output, standard error."""
+
+    def invoke(*arguments: object) -> tuple[int, str, str]:
+        code = main([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return code, captured.out, " ".join(captured.err.split())
+
+    return invoke
+
+
+def test_the_command_line_knows_every_format():
+    """Its list, which is there before the formats are imported, is theirs."""
+    assert sorted(NAMES) == sorted(FORMATS)
+    for name, kind in FORMATS.items():
+        assert kind.profile.name == name
+        assert kind.profile.suffixes
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_export_to_standard_output(run, tmp_path, name):
+    """Without -o the file goes to standard output, and is the same; nothing else is written."""
+    source = saved(tmp_path, "one focal")
+    code, out, err = run("export", source, "--to", name)
+    assert (code, err) == (0, "")
+    assert out == export_camera(source, name).content
+    assert [path.name for path in tmp_path.iterdir()] == [source.name]
+
+
+def test_there_and_back(run, tmp_path):
+    """A file for another tool, and the camera file that comes back."""
+    source = saved(tmp_path, "webcam")
+    code, out, _ = run("export", source, "--to", "colmap", "-o", tmp_path / "new/cameras.txt")
+    assert (code, "the same camera" in " ".join(out.split())) == (0, True)
+    code, out, _ = run("import", tmp_path / "new/cameras.txt", "-o", tmp_path / "back.yaml", "--name", "front")
+    assert (code, "Camera(1280x720, fx=900.125" in " ".join(out.split())) == (0, True)
+    back = load_intrinsics(tmp_path / "back.yaml")
+    same(CAMERAS["webcam"], back.camera, 2)
+    assert back.name == "front"
+
+
+def test_exit_codes(run, tmp_path):
+    """2 for what cannot be used, 5 for what would not be the same camera; nothing is left behind by either."""
+    source = saved(tmp_path, "webcam")
+    out = tmp_path / "out.yaml"
+    for arguments, code, message in (
+        (("export", source, "--to", "kalbir"), 2, "Did you mean 'kalibr'?"),
+        (("export", tmp_path / "none.yaml", "--to", "ros", "-o", out), 2, "no such file"),
+        (("export", source, "--to", "kalibr", "-o", out, "--no-refit"), 5, "cannot hold k3: refitted, it differs by up to 1."),
+        (("export", source, "--to", "kalibr", "-o", out, "--max-refit-px", 0.1), 5, "more than --max-refit-px 0.1"),
+        (("export", source, "--to", "lensfun", "--crop-factor", 0), 2, "--crop-factor: out of range"),
+        (("export", source, "--to", "opencv", "-o", tmp_path / "o.txt"), 2, "expected .yaml or .yml or .xml or .json"),
+        (("export", source, "--to", "colmap", "-o", tmp_path / "o"), 2, "expected .txt or .bin"),
+        (("export", source, "--to", "ros", "-o", source), 2, "output file exists"),
+        (("import", source, "-o", source), 2, "output file exists"),
+        (("import", source, "-o", out, "--from", "kalibr"), 2, "no camera (expected entries such as cam0"),
+        (("import", source, "-o", out, "--from", "mrcl"), 2, "Did you mean 'mrcal'?"),
+        (("import", source, "-o", out, "--size", "12"), 2, "is not WIDTHxHEIGHT"),
+        (("import", source, "-o", out, "--camera", "cam7"), 2, "no camera 'cam7' (got webcam)"),
+    ):
+        got, _, err = run(*arguments)
+        assert got == code, err
+        assert message in err, err
+    assert [path.name for path in tmp_path.iterdir()] == [source.name]
+
+
+def test_a_refit_warns_and_is_done(run, tmp_path):
+    """Exit code 0, the difference on standard error, the file on standard output fit to be piped."""
+    code, out, err = run("export", saved(tmp_path, "webcam"), "--to", "kalibr")
+    assert code == 0
+    assert "warning: Kalibr's camchain cannot hold k3: refitted, it differs by up to" in err
+    assert out.startswith("# Camera webcam")
+
+
+def test_an_interrupted_write_leaves_nothing(run, tmp_path, monkeypatch):
+    """The output appears whole or not at all."""
+    source = saved(tmp_path, "webcam")
+
+    def full(*_: Path) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", full)
+    code, _, err = run("export", source, "--to", "ros", "-o", tmp_path / "out.yaml")
+    assert (code, "no space left on device" in err) == (2, True)
+    assert [path.name for path in tmp_path.iterdir()] == [source.name]
+
+
+def test_import_asks_for_what_is_open(run, tmp_path):
+    """Which of several cameras, and an image size."""
+    chain = tmp_path / "chain.yaml"
+    entry = "{camera_model: pinhole, intrinsics: [5.0, 6.0, 2.0, 1.0], distortion_model: none, resolution: [4, 3]}"
+    chain.write_text(f"cam0: {entry}\ncam1: {entry}\n")
+    code, _, err = run("import", chain, "-o", tmp_path / "c.yaml")
+    assert (code, "several cameras (got cam0, cam1, expected one). Choose one with --camera NAME." in err) == (2, True)
+    assert run("import", chain, "--camera", "cam1", "-o", tmp_path / "c.yaml")[0] == 0
+    assert run("import", f"{chain}#cam0", "-o", tmp_path / "c.yaml", "--force")[0] == 0
+    bare = tmp_path / "bare.json"
+    bare.write_text('{"K": [[5, 0, 2], [0, 5, 1], [0, 0, 1]]}')
+    code, _, err = run("import", bare, "-o", tmp_path / "d.yaml")
+    assert (code, "--size WxH" in err) == (2, True)
+    assert run("import", bare, "--size", "4x3", "-o", tmp_path / "d.yaml")[0] == 0
+    assert load_intrinsics(tmp_path / "d.yaml").camera.size == (4, 3)
+
+
+@pytest.mark.parametrize("kind", [name for name in NAMES if name != "lensfun"])
+def test_every_command_takes_them(run, tmp_path, kind):
+    """Undistort, verify and export take each format as it stands, and give what they give for our own file."""
+    source = saved(tmp_path, "radtan")
+    suffix = FORMATS[kind].profile.suffixes[0]
+    other = tmp_path / f"other{suffix}"
+    export_camera(source, kind, other)
+    image = tmp_path / "photo.png"
+    cv2.imwrite(str(image), np.random.default_rng(0).integers(0, 255, (720, 1280), dtype=np.uint8))
+    for camera, out in ((source, tmp_path / "a"), (other, tmp_path / "b")):
+        assert run("undistort", image, "--camera", camera, "-o", out)[0] == 0
+    assert (tmp_path / "a/photo.png").read_bytes() == (tmp_path / "b/photo.png").read_bytes()
+    code, out, _ = run("verify", other, "--truth", source, "--max-diff", "1e-6", "--json")
+    assert code == 0
+    assert json.loads(out)["projection_difference_px"]["max"] < 1e-9
+    assert run("export", other, "--to", "json")[0] == 0
+
+
+def test_a_camera_of_several_in_other_commands(run, tmp_path):
+    """`FILE#NAME` stands wherever a camera does."""
+    source = saved(tmp_path, "radtan")
+    chain = tmp_path / "chain.yaml"
+    export_camera(source, "kalibr", chain)
+    text = chain.read_text()
+    chain.write_text(text + text.replace("cam0:", "cam1:").replace("900.125", "910.125"))
+    assert run("verify", f"{chain}#cam0", "--truth", source, "--max-diff", "1e-6")[0] == 0
+    code, _, err = run("verify", f"{chain}#cam1", "--truth", source, "--max-diff", "1e-6")
+    assert (code, "projection differs by up to" in err) == (5, True)
+    code, _, err = run("verify", chain, "--truth", source)
+    assert (code, f"Name one: {chain}#NAME" in err) == (2, True)
+
+
+def test_a_huge_file_is_refused_at_once(run, tmp_path):
+    """Before it is read."""
+    huge = tmp_path / "huge.yaml"
+    with huge.open("wb") as file:
+        os.truncate(file.fileno(), 1 << 34)
+    code, _, err = run("export", huge, "--to", "ros")
+    assert (code, "too big" in err) == (2, True)
+
+
+def test_our_own_file_does_not_wait_for_the_others(tmp_path):
+    """A camera file of ours is read without loading what other formats need."""
+    source = saved(tmp_path, "webcam")
+    code = (
+        "import sys; from camcal.formats.camera_file import load_intrinsics; load_intrinsics(sys.argv[1]); "
+        "print(*[name for name in sys.modules if 'exchange' in name or name in ('pydantic', 'yaml', 'xml')])"
+    )
+    done = subprocess.run([sys.executable, "-c", code, source], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
