@@ -11,7 +11,7 @@ import argparse
 import statistics
 import time
 import tracemalloc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import cv2
 import numpy as np
@@ -19,7 +19,7 @@ import numpy as np
 from camcal.geometry.camera import Camera
 from camcal.threads import single_threaded
 from camcal.undistortion.maps import UndistortMap, dense_map, undistort_image, undistort_map
-from camcal.undistortion.planes import plane_map, undistort_planes
+from camcal.undistortion.planes import plane_map
 from camcal.undistortion.target import target_camera
 
 Image = np.ndarray
@@ -126,7 +126,7 @@ def measure_options(camera: Camera, runs: int) -> None:
     jobs: Jobs = {
         "undistort_image, linear": lambda: undistort_image(image, undistort, out=out),
         "linear, alpha 1 (filled around)": lambda: undistort_image(image, covering, out=out),
-        "planes of 4:2:0": lambda: undistort_planes(planes, undistort, chroma, out=plane_out),
+        "planes of 4:2:0": lambda: by_planes(planes, undistort, chroma, plane_out),
         "cubic": lambda: undistort_image(image, undistort, interpolation="cubic", out=out),
         "cv2.remap, INTER_CUBIC": lambda: cv2.remap(image, *maps, cv2.INTER_CUBIC, dst=out),
         "lanczos": lambda: undistort_image(image, undistort, interpolation="lanczos", out=out),
@@ -136,6 +136,14 @@ def measure_options(camera: Camera, runs: int) -> None:
         "scale 0.25, 4 x 4 samples a pixel": lambda: undistort_image(image, quarter),
     }
     show("Options, uint8, 3 channels", cpu_ms(jobs, max(runs // 2, 2)))
+
+
+def by_planes(
+    planes: Sequence[Image], undistort: UndistortMap, chroma: UndistortMap, out: Sequence[Image | None] = (None, None, None)
+) -> list[Image]:
+    """Resample Y, Cb and Cr each by itself."""
+    maps = (undistort, chroma, chroma)
+    return [undistort_image(plane, used, out=new) for plane, used, new in zip(planes, maps, out, strict=True)]
 
 
 def ycc(bgr: Image) -> list[Image]:
@@ -173,10 +181,10 @@ def measure_planes_quality() -> None:
         planes = [rounded(luma), rounded(halved(cb)), rounded(halved(cr))]
         decoded = bgr_of(*planes)
         truth = undistort_image(decoded.astype(np.float32), undistort)
-        by_planes = bgr_of(*undistort_planes(planes, undistort, chroma))
+        from_planes = bgr_of(*by_planes(planes, undistort, chroma))
         luma, cb, cr = ycc(undistort_image(rounded(decoded), undistort))
         by_bgr = bgr_of(rounded(luma), rounded(halved(cb)), rounded(halved(cr)))
-        psnr = [10 * np.log10(255**2 / ((image - truth) ** 2).mean()) for image in (by_planes, by_bgr)]
+        psnr = [10 * np.log10(255**2 / ((image - truth) ** 2).mean()) for image in (from_planes, by_bgr)]
         print(f"  colour noise, blur {blur_px:3.0f} px  {psnr[0]:13.1f}{psnr[1]:18.1f}")
 
 

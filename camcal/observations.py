@@ -32,7 +32,7 @@ class Detection:
     corners_px : ndarray of shape (N, 2)
         Where each feature was seen, in pixels.
     sigma_px : ndarray of shape (N,)
-        Standard deviation of each corner per axis in pixels; NaN where it is not known.
+        Standard deviation of each corner per axis in pixels, or one number for all; NaN, the default, where it is not known.
     notes : tuple of str
         What a person should know about the view ("blurred: ..."), each a short clause.
     edge_width_px : float
@@ -43,7 +43,7 @@ class Detection:
     size: tuple[int, int]
     ids: IntArray
     corners_px: FloatArray
-    sigma_px: FloatArray
+    sigma_px: FloatArray = field(default_factory=lambda: np.array(np.nan))
     notes: tuple[str, ...] = ()
     edge_width_px: float = float("nan")
 
@@ -51,7 +51,8 @@ class Detection:
         object.__setattr__(self, "ids", frozen_ints(self.ids, (None,), "ids"))
         count = self.ids.size
         object.__setattr__(self, "corners_px", frozen_floats(self.corners_px, (count, 2), "corners_px"))
-        object.__setattr__(self, "sigma_px", frozen_floats(self.sigma_px, (count,), "sigma_px", finite=False))
+        sigma_px = np.full(count, self.sigma_px) if np.ndim(self.sigma_px) == 0 else self.sigma_px
+        object.__setattr__(self, "sigma_px", frozen_floats(sigma_px, (count,), "sigma_px", finite=False))
         if (np.diff(self.ids) <= 0).any():
             raise ValueError(f"ids: must increase (got {self.ids.tolist()})")
 

@@ -115,11 +115,11 @@ def lens() -> Figure:
     radius = folding.lens.valid_radius
     curve.plot(r[r <= radius], bare[r <= radius], color=BLUE, label="k1 = -0.12")
     curve.plot(r[r > radius], bare[r > radius], "--", color=RED, label="past the fold: no answer")
-    curve.axvline(radius, color=RED, lw=0.8)
+    curve.axvline(radius, ymin=0.36, color=RED, lw=0.8)
     curve.set(
         title="where a lens model turns back", xlabel="ideal radius", ylabel="distorted radius", xlim=(0, 2.2), ylim=(0, 1.6)
     )
-    curve.legend(frameon=False, fontsize=8)
+    curve.legend(frameon=False, fontsize=7, loc="lower right", handlelength=1.2, borderaxespad=0)
     return tight(figure)
 
 

@@ -6,6 +6,7 @@ import json
 import math
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -554,11 +555,13 @@ class TestBadInput:
         code, err = self.calibrate(run, *images, "--board", self.BOARD, output=tmp_path / "o")
         assert code == 3
         assert "got 2, expected at least 3" in err
+        assert f"camcal detect IMAGES --board {self.BOARD} -o corners.csv --overlay seen" in err
         blank = tmp_path / "blank.png"
         cv2.imwrite(str(blank), np.full((480, 640), 128, np.uint8))
         code, err = self.calibrate(run, blank, "--board", self.BOARD, output=tmp_path / "p")
         assert code == 3
         assert "blank.png" in err
+        assert f"camcal detect {shlex.quote(str(blank))} --board" in err
 
     def test_squares_counted_for_inner_corners(self, run, dataset, tmp_path):
         """8x7 squares are 7x6 inner corners: exit 3, and the size that was seen is named."""

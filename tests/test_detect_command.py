@@ -158,8 +158,9 @@ def test_damaged_and_empty_images_have_pictures_too(run, dataset, tmp_path):
     shutil.copy(good, folder)
     (folder / "cut.png").write_bytes(good.read_bytes()[:2000])
     cv2.imwrite(str(folder / "grey.jpg"), np.full((300, 400), 128, np.uint8))
-    code, out, _ = run("detect", folder, "--board", BOARD, "--overlay", tmp_path / "seen")
+    code, out, _ = run("detect", folder, "--board", BOARD, "-o", tmp_path / "one.csv", "--overlay", tmp_path / "seen")
     assert code == 0
+    assert "camcal calibrate" not in out, "one view is too few to calibrate with"
     assert {path.name for path in (tmp_path / "seen").iterdir()} == {good.name, "cut.png", "grey.jpg"}
     assert out.count("rejected:") == 2
     assert "next to no contrast" in out

@@ -42,6 +42,11 @@ FAULTS = [
     fault("opencv behind", "K: [-1, 0, 0, 0, 1, 0, 0, 0, 1]\n", ":1: K: not an intrinsic matrix"),
     fault("opencv size", "width: 0\nheight: 3\nK: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n", ":3: K: not an image size (got 0x3"),
     fault("opencv six", "K: [1, 0, 0, 0, 1, 0, 0, 0, 1]\nD: [0, 0, 0, 0, 0, 0]\n", ":2: D: wrong number of values (got 6"),
+    fault("opencv other name", "K: [1, 0, 0, 0, 1, 0, 0, 0, 1]\ndistorsion: [0.1, 0]\n", ":2: distorsion: unknown name"),
+    fault("ros old fisheye", "camera_model: equidistant\nK: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n",
+          ":1: camera_model: unsupported lens model"),
+    fault("ros uncalibrated", f"K: {[0.0] * 9}\nwidth: 4\nheight: 3\n", ":1: K: all zeros"),
+    fault("ros twice", f"{ROS_MESSAGE}---\n{ROS_MESSAGE}---\n", ":10: a second document"),
     fault("thin prism", f"K: [1, 0, 0, 0, 1, 0, 0, 0, 1]\nD: {[0.0] * 11 + [0.1]}\n", ":2: D: thin-prism coefficients"),
     fault("tilt", f"K: [1, 0, 0, 0, 1, 0, 0, 0, 1]\nD: {[0.0] * 12 + [0.1, 0]}\n", ":2: D: tilt coefficients"),
     fault("opencv fisheye", "fisheye_model: 1\nK: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n", ":1: fisheye_model: unsupported lens model"),
@@ -64,10 +69,15 @@ FAULTS = [
     fault("nerfstudio missing", '{"frames": []}', ":1: fl_x: missing"),
     fault("nerfstudio fisheye", '{"fl_x": 1, "cx": 0, "cy": 0, "w": 4, "h": 3,\n"camera_model": "OPENCV_FISHEYE"}',
           ":2: camera_model: unsupported lens model"),
+    fault("instant-ngp fisheye", '{"fl_x": 1, "cx": 0, "cy": 0, "w": 4, "h": 3,\n"is_fisheye": true}',
+          ":2: is_fisheye: unsupported lens model"),
     fault("nerfstudio frames", '{"w": 4, "h": 3, "frames": [{"file_path": "a", "fl_x": 1, "cx": 0, "cy": 0}, '
           '{"file_path": "b", "fl_x": 2, "cx": 0, "cy": 0}]}', ": several cameras (got a, b, expected one)"),
     fault("matlab fisheye", '{"MappingCoefficients": [1, 2]}', ":1: MappingCoefficients: unsupported lens model"),
     fault("matlab short", "% x\ncameraIntrinsics([1 1], [0], [3 4])", ":2: PrincipalPoint: wrong number of values"),
+    fault("matlab elsewhere", "K = [1 0 1; 0 1 1; 0 0 1];\ncameraParameters('K', K, 'RadialDistortion', other.radial)",
+          ":2: RadialDistortion: not numbers"),
+    fault("matlab unknown", "cameraIntrinsics([1 1], centre, [3 4])", ":1: centre: not numbers"),
     fault("lensfun empty", "<lensdatabase/>", ":1: no lens with a distortion"),
     fault("lensfun acm", LENS.format(model="unknown", terms="", extra=""), ":5: distortion: unsupported lens model"),
     fault("lensfun number", LENS.format(model="poly3", terms='k1="x"', extra=""), ": no image size in this file"),
@@ -88,6 +98,14 @@ def test_faults_are_told_in_one_line(tmp_path, content, message):
     assert told.startswith(f"{path}{message}"), told
     assert "\n" not in told
     assert len(told) < 500 + len(str(path)) * 2
+
+
+@pytest.mark.parametrize("name", ["ost.txt", "results-cam.txt", "Calib_Results.m"])
+def test_text_that_is_no_camera(tmp_path, name):
+    """A text that does not claim to be YAML is not blamed for being none."""
+    path = write(tmp_path, name, "# made by x\n[image]\n\nwidth\n640\n %: [\n")
+    with pytest.raises(InputError, match=r":1: not a camera of a known format \(got a text file"):
+        load_intrinsics(path)
 
 
 def test_a_lens_with_broken_numbers(tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import subprocess
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from exchange_cameras import CAMERAS, WEBCAM, K, same, saved
 
+from camcal.cli import main
 from camcal.errors import InputError, QualityError
 from camcal.formats.camera_file import load_intrinsics, save_intrinsics
 from camcal.formats.exchange.table import FORMATS
@@ -172,12 +174,32 @@ SAMPLES = {
     "interactive": (INTERACTIVE, (1280, 720), [657.5, 658.5, 319.5, 239.5], [-0.41, 0.57, 0, 0, -0.58]),
     "opencv old": (OLD_SAMPLE, (640, 480), [657.5, 658.5, 319.5, 239.5], [-0.41, 0.57, 1e-3, 2e-3]),
     "ros message": (ROS_MESSAGE, (640, 480), [500, 501, 320.5, 240.5], [0.1, -0.2, 0.001, 0.002, 0.03]),
+    "ros by hand": (
+        "image_width: 640\nimage_height: 480\ndistortion_model: plumb_bob\ndistortion_coefficients: [0.1, -0.2, 0.001, 0.002]\n"
+        "camera_matrix:\n  rows: 3\n  cols: 3\n  data: [500.0, 0.0, 320.5, 0.0, 501.0, 240.5, 0.0, 0.0, 1.0]\n",
+        (640, 480),
+        [500, 501, 320.5, 240.5],
+        [0.1, -0.2, 0.001, 0.002],
+    ),
+    "opencv by hand": (
+        "%YAML:1.0\n\n# by hand\nwidth: 640\nheight: 480\nK: [500., 0., 320., 0., 501., 240., 0., 0., 1.]\n",
+        (640, 480),
+        [500, 501, 320, 240],
+        [],
+    ),
+    "ros echoed": (ROS_MESSAGE + "---\n", (640, 480), [500, 501, 320.5, 240.5], [0.1, -0.2, 0.001, 0.002, 0.03]),
     "ost": (OST, (640, 480), [500, 501, 320.5, 240.5], [0.1, -0.2, 0.001, 0.002, 0.03]),
     "numpy": (
         '{"K": [[500, 0, 320], [0, 501, 240], [0, 0, 1]], "dist": [[0.1, -0.2, 0, 0, 0.05]], "image_size": [640, 480]}',
         (640, 480),
         [500, 501, 320, 240],
         [0.1, -0.2, 0, 0, 0.05],
+    ),
+    "script": (
+        '{"camera_matrix": [[500, 0, 320], [0, 501, 240], [0, 0, 1]], "dist_coeff": [0.1, -0.2, 0, 0], "w": 640, "h": 480}',
+        (640, 480),
+        [500, 501, 320, 240],
+        [0.1, -0.2],
     ),
     "colmap simple": ("1 SIMPLE_RADIAL 640 480 500 320 240 0.1\n", (640, 480), [500, 500, 319.5, 239.5], [0.1]),
     "colmap radial": ("# x\n\n1 RADIAL 640 480 500 320 240 .1 .2\n", (640, 480), [500, 500, 319.5, 239.5], [0.1, 0.2]),
@@ -206,6 +228,13 @@ SAMPLES = {
         (1280, 720),
         [715.2, 711.5, 564.6, 354.3, 0.5],
         [-0.33, 0.09],
+    ),
+    "matlab variables": (
+        "focalLength = [800, 810]; % px\nprincipalPoint = [320; 240];\nsizes=[480 640];\nradial = [0.1 ...\n 0.2];\n"
+        "c = cameraIntrinsics(focalLength, principalPoint, sizes, 'RadialDistortion', radial);",
+        (640, 480),
+        [800, 810, 319, 239],
+        [0.1, 0.2],
     ),
     "matlab struct": (
         '{"RadialDistortion": [-0.33, 0.09], "IntrinsicMatrix": [[715.2, 0, 0], [0.5, 711.5, 0], [565.6, 355.3, 1]], '
@@ -279,6 +308,28 @@ def test_one_of_several_cameras(tmp_path):
         load_intrinsics(f"{path}#cam1")
     with pytest.raises(InputError, match=r"camchain\.yaml:20: cam2\.camera_model: unsupported lens model \(got 'omni'"):
         import_camera(path, camera="cam2")
+
+
+def test_what_to_do_about_one_of_several(tmp_path):
+    """The command that a message advises is about the camera that was named, and works."""
+    path = write(
+        tmp_path, "intrinsics.yml", "%YAML:1.0\n---\nM1: [5, 0, 3, 0, 6, 2, 0, 0, 1]\nM2: [7, 0, 3, 0, 8, 2, 0, 0, 1]\n"
+    )
+    with pytest.raises(InputError) as caught:
+        load_intrinsics(f"{path}#M2")
+    words = shlex.split(str(caught.value).partition("Tell it: ")[2].replace("WxH", "7x5"))
+    assert main([*words[1:-1], str(tmp_path / "camera.yaml")]) == 0
+    assert load_intrinsics(tmp_path / "camera.yaml").camera.K[0, 0] == 7
+
+
+def test_one_of_matlabs_stereo_pair(tmp_path):
+    """Of stereoParameters neither camera is taken unasked."""
+    left = {"K": K, "RadialDistortion": [0.1, 0.2], "ImageSize": [480, 640]}
+    pair = {"CameraParameters1": left, "CameraParameters2": left | {"RadialDistortion": [0.3, 0.4]}, "RotationOfCamera2": K}
+    path = write(tmp_path, "stereo.json", json.dumps(pair))
+    with pytest.raises(InputError, match=r"several cameras \(got CameraParameters1, CameraParameters2"):
+        load_intrinsics(path)
+    assert load_intrinsics(f"{path}#CameraParameters2").camera.dist[:2].tolist() == [0.3, 0.4]
 
 
 def test_a_file_whose_name_has_the_mark(tmp_path):
@@ -447,3 +498,28 @@ def test_lensfun_acm_is_ours(tmp_path):
     camera = import_camera(path, size=(900, 600)).camera
     assert isinstance(camera, Camera)
     assert camera.dist[:5].tolist() == [0.1, 0.02, 0.0004, 0.00005, 0.003]
+
+
+def test_lensfun_lenses_of_one_name(tmp_path):
+    """Its database has lenses twice, measured on cameras of different sensors: each can be had, none is taken unasked."""
+    text = LENS.format(model="poly3", terms='k1="-0.03"', extra="")
+    lens = text[text.index("  <lens>") : text.index("</lensdatabase>")]
+    others = lens.replace("1.5", "1") + lens.replace("-0.03", "-0.02")
+    path = write(tmp_path, "lens.xml", text.replace("</lensdatabase>", others + "</lensdatabase>"))
+    with pytest.raises(
+        InputError, match=r"several cameras \(got L 20 mm, crop 1\.5, L 20 mm, crop 1, L 20 mm, crop 1\.5 \(2\)"
+    ):
+        import_camera(path, size=(640, 480))
+    first, second, third = (
+        import_camera(path, size=(640, 480), camera=f"L 20 mm, crop {crop}").camera for crop in ("1.5", "1", "1.5 (2)")
+    )
+    # A sensor 1.5 times as large has a unit 1.5 times as long, in millimetres and so in the focal length's pixels.
+    assert second.K[0, 0] / first.K[0, 0] == pytest.approx(1 / 1.5, rel=1e-12)
+    assert third.K[0, 0] / first.K[0, 0] == pytest.approx(1.02 / 1.03, rel=1e-12)
+
+
+def test_two_cameras_of_one_name(tmp_path):
+    """Which one is meant cannot be known."""
+    path = write(tmp_path, "cameras.txt", "1 PINHOLE 640 480 500 500 320 240\n1 PINHOLE 640 480 600 600 320 240\n")
+    with pytest.raises(InputError, match=r"2 cameras are called '1'"):
+        load_intrinsics(f"{path}#1")

@@ -11,8 +11,8 @@ from exchange_cameras import CAMERAS, WEBCAM, saved
 
 from camcal.errors import InputError, QualityError
 from camcal.formats.camera_file import save_intrinsics
-from camcal.formats.exchange.profile import Profile
-from camcal.formats.exchange.refit import refitted
+from camcal.formats.exchange.profile import ForeignLens, Profile
+from camcal.formats.exchange.refit import from_foreign, refitted
 from camcal.geometry.camera import Camera
 from camcal.observations import Intrinsics
 from camcal.workflows.export import export_camera
@@ -153,3 +153,19 @@ def test_what_was_known_is_not_claimed_of_a_refit(tmp_path):
     source = saved(tmp_path, "webcam", rms_px=0.25, views=20)
     assert "RMS 0.25 px, 20 views" in str(export_camera(source, "mrcal").content)
     assert "RMS" not in str(export_camera(source, "kalibr").content)
+
+
+def test_a_foreign_lens_gets_the_fewest_coefficients_that_follow_it():
+    """Odd powers of r ask for a denominator, which leaves less than any numerator alone; even powers do not."""
+    camera = Camera((5184, 3456), [[4200, 0, 2591.5], [0, 4200, 1727.5], [0, 0, 1]])
+    odd = from_foreign(camera, ForeignLens("odd", lambda r: r * (1 - 0.02 * r - 0.09 * r**2 + 0.03 * r**3)))
+    even = from_foreign(camera, ForeignLens("even", lambda r: r * (1 - 0.09 * r**2 + 0.01 * r**4)))
+    assert odd.camera.dist[5:].any()
+    assert not even.camera.dist[5:].any()
+    assert even.max_px < 1e-6
+    # The largest residual of the best even polynomial: three powers of r², fitted on the same radii.
+    r = np.linspace(0, np.hypot(2592, 1728) / 4200, 2000)
+    powers = np.stack([r, r**3, r**5, r**7], axis=-1)
+    target = r * (1 - 0.02 * r - 0.09 * r**2 + 0.03 * r**3)
+    left = target - powers @ np.linalg.lstsq(powers, target, rcond=None)[0]
+    assert odd.max_px < 4200 * np.abs(left).max()

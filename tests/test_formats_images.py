@@ -300,6 +300,8 @@ def test_size_of_webp(size: tuple[int, int], options: dict[str, object]) -> None
         (b"P7\nWIDTH 7\nHEIGHT 8\nDEPTH 1\nMAXVAL 255\nENDHDR\n", (7, 8)),
         (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8 +X 7\n", (7, 8)),
         (b"BM" + bytes(16) + (7).to_bytes(4, "little") + (-8).to_bytes(4, "little", signed=True), (7, 8)),
+        (b"BM" + bytes(12) + (12).to_bytes(4, "little") + b"\7\0\x08\0", (7, 8)),
+        (b"\xff\x4f\xff\x51" + bytes(4) + b"".join(n.to_bytes(4) for n in (10, 12, 3, 4)), (7, 8)),
         (b"P6\nseven 8\n255\n", None),
         (b"\x89PNG\r\n\x1a\n" + bytes(30), None),
         (b"\xff\xd8\xff\xd9", None),
@@ -308,7 +310,7 @@ def test_size_of_webp(size: tuple[int, int], options: dict[str, object]) -> None
     ],
 )
 def test_sizes_in_odd_headers(content: bytes, size: tuple[int, int] | None) -> None:
-    """Comments in a PPM, a BMP from top to bottom, and headers that are not what they seem."""
+    """Comments in a PPM, a BMP from top to bottom or of the oldest kind, bare JPEG 2000, headers not what they seem."""
     assert image_size(content) == size
 
 

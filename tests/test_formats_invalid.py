@@ -38,7 +38,8 @@ EXPECTED = {
     "board_few_rows.yaml": ":3: rows: too few (got 1, expected at least 3)",
     "board_fraction_columns.yaml": ":2: columns: wrong type (got 9.5, expected a whole number)",
     "board_huge.yaml": ":3: rows: too many (got 1000000, expected at most 100)",
-    "board_kalibr_circles.yaml": ":1: target_type: unknown kind of board",
+    "board_kalibr_circles.yaml": ":1: target_type: unknown kind of board (got 'circlegrid', expected checkerboard "
+    "or aprilgrid). Circles are not detected",
     "board_kalibr_no_size.yaml": ":1: tagSize: missing (expected this key). Add it.",
     "board_kalibr_oblong.yaml": ":5: colSpacingMeters: squares must be square",
     "board_kalibr_offset.yaml": ":6: codeOffset: unknown (got 4, expected 0)",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import struct
 import zlib
+from xml.etree import ElementTree
 
 import cv2
 import numpy as np
@@ -278,6 +279,102 @@ def test_chunks_of_a_webp_are_copied_byte_for_byte() -> None:
     assert warnings == ()
 
 
+def test_the_note_in_a_webp_with_exif_is_xmp() -> None:
+    """EXIF stays as it is, byte for byte, and the note is where XMP keeps a history; what would be a mark-up is escaped."""
+    stream = io.BytesIO()
+    RGB.save(stream, "WEBP", lossless=True, exif=EXIF)
+    content, warnings = carry_metadata(stream.getvalue(), plain("webp"), f"{NOTE} <&>")
+    image = Pillow.open(io.BytesIO(content))
+    history = ElementTree.fromstring(image.info["xmp"].strip()).find(".//{http://ns.adobe.com/photoshop/1.0/}History")
+    assert history is not None
+    assert history.text == f"{NOTE} <&>"
+    assert image.info["exif"].removeprefix(b"Exif\0\0") == BLOCK
+    assert warnings == ()
+
+
+@pytest.mark.parametrize("new", ["png", "jpg"])
+def test_what_follows_a_png_is_named(new: str) -> None:
+    """Padding is nothing to speak of."""
+    assert carry_metadata(plain("png") + bytes(9), plain(new), NOTE)[1] == ()
+    warning = "not carried over: what follows the picture in its file"
+    assert carry_metadata(plain("png") + b"more", plain(new), NOTE)[1] == (warning,)
+
+
+@pytest.mark.parametrize("new", ["bmp", "png", "tif", "jpg"])
+def test_resolution_of_a_bmp(new: str) -> None:
+    """11,811 pixels per metre are 300 dots per inch (11811 x 0.0254 = 299.9994) in every format that tells."""
+    stream = io.BytesIO()
+    RGB.save(stream, "BMP", dpi=(300, 300))
+    content, warnings = carry_metadata(stream.getvalue(), plain(new), NOTE)
+    assert Pillow.open(io.BytesIO(content)).info["dpi"] == pytest.approx((300, 300), abs=0.02)
+    assert warnings == ()
+
+
+def test_profile_in_a_bmp() -> None:
+    """A header of the latest version may have one in the file: it goes where it can, and is missed by name where it cannot."""
+    content = plain("bmp")
+    start = int.from_bytes(content[10:14], "little")
+    header = bytearray(124)
+    header[:40] = content[14:54]
+    header[:4] = (124).to_bytes(4, "little")
+    header[56:60] = b"DEBM"
+    pixels = content[start:]
+    header[112:120] = struct.pack("<II", 124 + len(pixels), len(PROFILE))
+    source = content[:10] + (138).to_bytes(4, "little") + bytes(header) + pixels + PROFILE
+    np.testing.assert_array_equal(decode("a.bmp", source, AS_STORED), PICTURE)
+    assert Pillow.open(io.BytesIO(carry_metadata(source, plain("png"), NOTE)[0])).info["icc_profile"] == PROFILE
+    assert carry_metadata(source, plain("bmp"), NOTE)[1] == ("not carried over: colour profile",)
+
+
+def box(kind: bytes, body: bytes) -> bytes:
+    """A JPEG 2000 box."""
+    return (8 + len(body)).to_bytes(4) + kind + body
+
+
+def profiled_jp2(*beside: bytes) -> bytes:
+    """A JPEG 2000 with a colour profile, and other boxes before the pixels."""
+    content = plain("jp2")
+    start, end = content.index(b"jp2h") - 4, content.index(b"jp2c") - 4
+    stored = content[start + 8 : content.index(b"colr") - 4]
+    return content[:start] + box(b"jp2h", stored + box(b"colr", b"\2\0\0" + PROFILE)) + b"".join(beside) + content[end:]
+
+
+def test_boxes_of_a_jpeg_2000_are_copied_byte_for_byte() -> None:
+    """Profile, EXIF and what nobody knows; the note is XMP, and XMP of its own stays as it is."""
+    exif, unknown = box(b"uuid", b"JpgTiffExif->JP2" + BLOCK), box(b"abcd", b"xyz")
+    content, warnings = carry_metadata(profiled_jp2(exif, unknown), plain("jp2"), NOTE)
+    assert warnings == ()
+    assert exif + unknown in content
+    assert content.count(box(b"colr", b"\2\0\0" + PROFILE)) == content.count(b"colr") == 1
+    assert b"<photoshop:History>" + NOTE.encode() in content
+    assert Pillow.open(io.BytesIO(content)).size == (60, 40)
+    np.testing.assert_array_equal(decode("a", content, AS_STORED), decode("a", plain("jp2"), AS_STORED))
+    packet = box(b"uuid", bytes.fromhex("be7acfcb97a942e89c71999491e3afac") + XMP)
+    content, (warning,) = carry_metadata(profiled_jp2(packet), plain("jp2"), NOTE)
+    assert (packet in content, NOTE.encode() in content) == (True, False)
+    assert "a note of the correction" in warning
+
+
+@pytest.mark.parametrize("other", ["jpg", "png", "tif"])
+def test_metadata_from_and_to_jpeg_2000(other: str) -> None:
+    """There and back: EXIF and profile are the same bytes; boxes that only it has are named."""
+    there, _ = carry_metadata(described(other), plain("jp2"), NOTE)
+    np.testing.assert_array_equal(decode("a", there, AS_STORED), decode("a", plain("jp2"), AS_STORED))
+    back, warnings = carry_metadata(there, plain("jpg"), NOTE)
+    image = Pillow.open(io.BytesIO(back))
+    assert image.info["icc_profile"] == PROFILE
+    assert image.getexif()[0x010F] == "Maker"
+    assert image.info["xmp"] == XMP
+    assert warnings == ()
+    assert carry_metadata(profiled_jp2(box(b"abcd", b"xyz")), plain("png"), NOTE)[1] == ("not carried over: box abcd",)
+
+
+@pytest.mark.parametrize("cut", [4, 12, 40, 60, 90, 300])
+def test_half_a_jpeg_2000_does_no_harm(cut: int) -> None:
+    """Boxes that are cut off are none."""
+    carry_metadata(profiled_jp2()[:cut], plain("png"), NOTE)
+
+
 def test_blocks_too_large_for_a_segment_are_named() -> None:
     """65,533 bytes fit into a segment; a profile is cut into as many as it takes, EXIF and XMP cannot be."""
     profile = bytes(RNG.integers(0, 256, 200_000, dtype=np.uint8))
@@ -309,7 +406,7 @@ def test_formats_without_metadata_lose_them_by_name() -> None:
     """A PPM holds pixels and nothing else."""
     content, (warning,) = carry_metadata(described("jpg"), plain("ppm"), NOTE)
     assert content == plain("ppm")
-    assert warning == "not carried over: EXIF, XMP, colour profile, comments"
+    assert warning == "not carried over: EXIF, XMP, colour profile, comments, resolution"
     assert carry_metadata(plain("ppm"), plain("bmp"), NOTE) == (plain("bmp"), ())
 
 

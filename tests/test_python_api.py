@@ -245,3 +245,19 @@ def test_projection_sigma_of_a_run_is_what_its_file_tells(dataset):
     middle = (np.array(run.intrinsics.camera.size) - 1) / 2
     sigma = camcal.projection_sigma(run.calibration, [middle], known.range_m)
     np.testing.assert_allclose(sigma, [known.at_range.centre_px], rtol=1e-12)
+
+
+def test_corners_of_another_detector_need_no_deviations():
+    """Without them they are unknown; one number stands for every corner."""
+    corners = np.zeros((3, 2))
+    assert np.isnan(camcal.Detection("a", (640, 480), np.arange(3), corners).sigma_px).tolist() == [True] * 3
+    assert camcal.Detection("a", (640, 480), np.arange(3), corners, sigma_px=0.1).sigma_px.tolist() == [0.1] * 3
+    with pytest.raises(ValueError, match="sigma_px"):
+        camcal.Detection("a", (640, 480), np.arange(3), corners, sigma_px=np.zeros(2))
+
+
+def test_a_camera_in_memory_is_exported():
+    """The same file as from the camera's own file, and a camera that is marked so in the warning."""
+    made = camcal.export_camera(TRUTH, "colmap")
+    assert made.content.splitlines()[-1] == "1 OPENCV 640 480 520.0 523.0 322.5 236.5 -0.18 0.06 0.001 -0.002"
+    assert camcal.export_camera(camcal.Intrinsics(TRUTH, name="left"), "colmap").content.startswith("# Camera left, 640x480")

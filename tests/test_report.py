@@ -29,13 +29,14 @@ from camcal.formats.camera_file import load_intrinsics
 from camcal.formats.corners_file import save_corners
 from camcal.formats.views_file import load_views, load_views_and_options
 from camcal.geometry.camera import Camera
-from camcal.observations import Detection
+from camcal.observations import Detection, Rejected
 from camcal.report.calibration_page import Making, calibration_page
 from camcal.report.figures.catalogue import FIGURES
 from camcal.report.lens import lens_words
 from camcal.report.overlay import overlay
 from camcal.report.record import Record
 from camcal.trust.assess import assess
+from camcal.verdict import Finding, Verdict
 from camcal.workflows import report as report_workflow
 from camcal.workflows.calibrate import _intrinsics, calibrate
 from camcal.workflows.photographs import photographs
@@ -399,6 +400,27 @@ def test_page_of_fifty_views_is_below_5_megabytes(tmp_path):
     assert len(text.encode()) < 5 * MEGABYTE
 
 
+@pytest.mark.parametrize(("level", "is_told"), [("rejected", True), ("poor", True), ("usable", False)])
+def test_the_head_of_the_page_says_why_not(level, is_told):
+    """Where the camera must not be used, the finding that decides stands beside the word, before any figure."""
+    record = made_record(4)
+    finding = Finding("shape", level, 1.0, "fx / fy is 2.000 (expected 0.8 to 1.25)", "Look again.")
+    judged = replace(record.intrinsics, verdict=Verdict((finding,)))
+    text = calibration_page(replace(record, intrinsics=judged))
+    head = text[text.index("<header") : text.index("</header>")]
+    assert f'<p class="word">{level}</p>' in head
+    assert ("fx / fy is 2.000 (expected 0.8 to 1.25)." in head) == is_told
+
+
+def test_a_question_ends_as_one():
+    """A reason that asks something gets no full stop behind its question mark; another one gets its full stop."""
+    record = made_record(4)
+    reasons = (Rejected("a.png", "is it checkerboard:9x8:25mm?"), Rejected("b.png", "no board found"))
+    text = calibration_page(replace(record, calibration=replace(record.calibration, rejected=reasons)))
+    assert "<p>Is it checkerboard:9x8:25mm?</p>" in text
+    assert "<p>No board found.</p>" in text
+
+
 def test_more_photographs_than_a_page_holds_are_counted(tmp_path, monkeypatch):
     """Of too many views those that fit worst are shown, and the page says how many that is."""
     monkeypatch.setattr("camcal.workflows.photographs.MOST_SHOWN", 4)
@@ -677,3 +699,17 @@ def test_images_without_a_path_of_text_are_not_looked_for(dataset, tmp_path):
     calibrate(folder, str(dataset / "board.yaml"), tmp_path / "calib")
     assert {view.path for view in load_views(tmp_path / "calib")} == {""}
     assert os.fspath(folder) not in (tmp_path / "calib/views.yaml").read_text()
+
+
+@pytest.mark.skipif(sys.platform in {"darwin", "win32"}, reason="file names are Unicode on this system")
+def test_images_with_names_of_bytes_are_found_in_a_named_folder(reported, photographed, tmp_path):
+    """A name that is not UTF-8 stands in escapes in the files, and `--images` still finds the photograph."""
+    folder, calib = tmp_path / "odd", tmp_path / "calib"
+    folder.mkdir()
+    for image in photographed.glob("view_*.png"):
+        shutil.copy(image, os.fsencode(folder) + b"/\xe4 " + os.fsencode(image.name))
+    calibrate(folder, str(reported / "board.yaml"), calib)
+    assert {view.path for view in load_views(calib)} == {""}
+    done = make_report(calib, images=folder)
+    assert done.missing == ""
+    assert 'alt="Photograph \\xe4 view_' in done.page.read_text(encoding="utf-8")

@@ -23,7 +23,18 @@ from camcal.boards.checkerboard import Checkerboard
 from camcal.geometry.camera import Camera
 from camcal.geometry.pose import Pose
 from camcal.observations import Calibration, Detection, Intrinsics, Outlier
-from camcal.report.figures import board_plane, coverage, distortion, histogram, radius, residuals, scene, stance, uncertainty
+from camcal.report.figures import (
+    board_plane,
+    coverage,
+    distortion,
+    histogram,
+    quivers,
+    radius,
+    residuals,
+    scene,
+    stance,
+    uncertainty,
+)
 from camcal.report.figures.canvas import magnification, magnified, round_below
 from camcal.report.figures.catalogue import FIGURES, KINDS, STYLES, render, render_svg, view_quiver
 from camcal.report.record import Record
@@ -255,6 +266,41 @@ def test_arrows_of_a_view_and_their_key(record):
     assert seen.source in axes.get_title()
 
 
+def test_quivers_are_residuals_on_one_scale(record):
+    """The worst view comes first; its arrows are its residuals times one factor, the key's; names and RMS are told."""
+    calibration = record.calibration
+    axes = quivers.draw(record, LIGHT).axes[0]
+    (arrows,) = paths(axes)
+    order = sorted(range(12), key=lambda index: -calibration.view_rms_px[index])
+    expected = np.concatenate([calibration.residuals_px[index] for index in order])
+    (key,) = axes.lines
+    *names, label = [text.get_text() for text in axes.texts]
+    factor = np.ptp(key.get_xdata()) / float(label.removesuffix(" px"))
+    np.testing.assert_allclose(arrows[:, 1] - arrows[:, 0], factor * expected, atol=1e-9)
+    assert names[::2] == [calibration.detections[index].source for index in order]
+    assert [float(name) for name in names[1::2]] == pytest.approx([calibration.view_rms_px[index] for index in order], rel=0.05)
+
+
+def test_a_view_fills_its_cell_upright(record):
+    """Corners keep their shape: the second view's tails are a scaled and shifted copy of its corners, inside its own cell."""
+    calibration = record.calibration
+    order = sorted(range(12), key=lambda index: -calibration.view_rms_px[index])
+    tails = paths(quivers.draw(record, LIGHT).axes[0])[0][54:108, 0]
+    corners = calibration.detections[order[1]].corners_px
+    scale = np.ptp(tails, axis=0) / np.ptp(corners, axis=0)
+    assert scale[0] == pytest.approx(scale[1])
+    np.testing.assert_allclose(tails - tails[0], scale * (corners - corners[0]), atol=1e-9)
+    assert ((tails > [1, 0]) & (tails < [2, 1])).all()
+
+
+def test_quivers_of_many_views_are_of_the_worst():
+    """Of more views than are shown the best are left out, and the title says so."""
+    drawn = made(ordinary_poses(quivers.MOST_SHOWN + 2, 5))
+    axes = quivers.draw(drawn, LIGHT).axes[0]
+    assert len(paths(axes)[0]) == quivers.MOST_SHOWN * 54
+    assert axes.get_title() == f"Residuals of the worst {quivers.MOST_SHOWN} of {quivers.MOST_SHOWN + 2} views"
+
+
 def test_no_such_view(record):
     """A view that does not exist is an IndexError."""
     with pytest.raises(IndexError):
@@ -283,7 +329,9 @@ def test_a_region_that_is_off_is_told(record):
         np.where((seen.corners_px < [640, 480]).all(axis=1)[:, None], off + 0.2, off)
         for seen, off in zip(record.calibration.detections, record.calibration.residuals_px, strict=True)
     )
-    assert "is no noise" in residuals.caption(replace(record, calibration=replace(record.calibration, residuals_px=shifted)))
+    assert "is more than noise" in residuals.caption(
+        replace(record, calibration=replace(record.calibration, residuals_px=shifted))
+    )
 
 
 def test_running_percentiles():

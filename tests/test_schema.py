@@ -182,7 +182,7 @@ def test_descriptions_are_inherited_and_overridden():
 
     docs = field_docs(CameraFile)
     assert set(docs) == set(CameraFile.model_fields)
-    assert docs["image_width"] == field_docs(CameraInfo)["image_width"] == "Pixels."
+    assert docs["image_width"] == field_docs(CameraInfo)["image_width"] == "Width of the images, pixels."
 
 
 def test_the_command_prints_and_writes(tmp_path, capsys):

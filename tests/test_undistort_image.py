@@ -6,6 +6,7 @@ import errno
 import io
 import subprocess
 import sys
+import zlib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -105,6 +106,7 @@ def as_stored(path: Path) -> np.ndarray:
         ("a.tif", FLOATS),
         ("a.tif", FLOATS[..., 0].copy()),
         ("a.bmp", COLOUR),
+        ("a.bmp", GREY),
         ("a.webp", COLOUR),
         ("a.ppm", DEEP),
         ("a.pgm", GREY),
@@ -135,6 +137,7 @@ def test_a_jpeg_is_as_close_as_its_coding_allows(tmp_path: Path, sampling: str, 
     best = np.nan_to_num(exact(source)).round().astype(np.uint8)
     best = cv2.imdecode(np.frombuffer(jpeg(best, sampling), np.uint8), cv2.IMREAD_COLOR)
     assert warnings == ()
+    assert jpeg_header(path.read_bytes()).is_progressive == progressive
     # Pixels that are rounded the other way change blocks here and there.
     assert psnr(as_stored(path), exact(source)) == pytest.approx(psnr(best, exact(source)), abs=0.05)
 
@@ -147,7 +150,7 @@ def test_coding_of_a_jpeg_is_kept(tmp_path: Path, sampling: str, quality: int, e
     path, _ = undistorted(tmp_path, content, "a.jpg")
     before, after = jpeg_header(content), jpeg_header(path.read_bytes())
     assert before.quality == quality
-    assert (after.factors, after.quality, after.size) == (before.factors, expected, SIZE)
+    assert (after.factors, after.quality, after.size, after.is_progressive) == (before.factors, expected, SIZE, False)
     path, _ = undistorted(tmp_path, content, "a.jpg", quality=71)
     assert jpeg_header(path.read_bytes()).quality == 71
 
@@ -202,6 +205,32 @@ def test_transparent_colours_do_not_bleed(tmp_path: Path, kind: str) -> None:
     path, _ = undistorted(tmp_path, content, f"a.{kind.lower()}")
     result = as_stored(path)
     assert result[result[..., 3] > 0][:, 1].max() == 0
+
+
+@pytest.mark.parametrize("bits", [1, 2, 8, 16])
+def test_one_grey_value_is_transparent(tmp_path: Path, bits: int) -> None:
+    """Pixels of that value, and no others, are transparent; the others keep their grey."""
+    top = (1 << bits) - 1
+    grey = np.zeros((HEIGHT, WIDTH), np.uint16)
+    grey[:, : WIDTH // 2] = top
+    cells = [row.astype(">u2").tobytes() if bits == 16 else np.packbits(unpacked(row, bits)).tobytes() for row in grey]
+    header = WIDTH.to_bytes(4) + HEIGHT.to_bytes(4) + bytes((bits, 0, 0, 0, 0))
+    pixels = zlib.compress(b"".join(b"\0" + cell for cell in cells))
+    parts = ((b"IHDR", header), (b"tRNS", top.to_bytes(2)), (b"IDAT", pixels), (b"IEND", b""))
+    chunks = (len(body).to_bytes(4) + kind + body + zlib.crc32(kind + body).to_bytes(4) for kind, body in parts)
+    path, warnings = undistorted(tmp_path, b"".join((b"\x89PNG\r\n\x1a\n", *chunks)), "a.png")
+    result = as_stored(path)
+    full = 65535 if bits == 16 else 255
+    assert result.dtype == (np.uint16 if bits == 16 else np.uint8)
+    assert any("one pixel value of it is transparent" in warning for warning in warnings)
+    left, right = result[10:-10, 10 : WIDTH // 2 - 5], result[10:-10, WIDTH // 2 + 5 : -10]
+    assert (left[..., 3] == 0).all()
+    assert (right == (0, 0, 0, full)).all()
+
+
+def unpacked(row: np.ndarray, bits: int) -> np.ndarray:
+    """Bits of whole numbers, the highest first."""
+    return (row[:, None] >> np.arange(bits - 1, -1, -1) & 1).astype(np.uint8)
 
 
 @pytest.mark.parametrize(("extra", "alpha"), [("assocalpha", 1), ("unassalpha", 2), ("unspecified", 0)])
@@ -264,9 +293,10 @@ TURNED = RGB.transpose(Pillow.Transpose.ROTATE_180)
         ("a.png", encoded(PALETTE, "PNG", transparency=3), (HEIGHT, WIDTH, 4), "palette image"),
         ("a.png", encoded(GREY_ALPHA, "PNG"), (HEIGHT, WIDTH, 4), "grey with alpha"),
         ("a.png", encoded(RGB.convert("1"), "PNG"), (HEIGHT, WIDTH), "1-bit image"),
-        ("a.png", encoded(RGB.convert("L"), "PNG", transparency=5), (HEIGHT, WIDTH), "transparent: not carried over"),
+        ("a.png", encoded(RGB.convert("L"), "PNG", transparency=5), (HEIGHT, WIDTH, 4), "transparent: written as colour with"),
         ("a.png", encoded(RGB, "PNG", transparency=(1, 2, 3)), (HEIGHT, WIDTH, 4), "transparent: written as an alpha"),
         ("a.bmp", encoded(PALETTE, "BMP"), (HEIGHT, WIDTH, 3), "palette image"),
+        ("a.bmp", encoded(RGB.convert("1"), "BMP"), (HEIGHT, WIDTH), "1-bit image"),
         ("a.tif", encoded(PALETTE, "TIFF"), (HEIGHT, WIDTH, 3), "palette image"),
         ("a.tif", encoded(RGB.convert("1"), "TIFF"), (HEIGHT, WIDTH), "1-bit image"),
         ("a.tif", encoded(RGB.convert("YCbCr"), "TIFF"), (HEIGHT, WIDTH, 3), "luminance and chrominance"),

@@ -450,6 +450,22 @@ def test_an_unwritable_folder(camera_file, tmp_path, monkeypatch):
         camcal.undistort(tmp_path / "a.png", camera_file, tmp_path / "o")
 
 
+@pytest.mark.parametrize("place", ["locked/o", "locked/sub/o", "locked/o.png", f"{'long' * 99}"])
+def test_a_place_that_may_not_be_looked_into(camera_file, tmp_path, monkeypatch, place):
+    """A folder without permission to search it, or a name that is too long: the system's own words."""
+    make_images(tmp_path, "a.png")
+    look = Path.stat
+
+    def refuse(path, **options):
+        if "locked" in path.parts:
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return look(path, **options)
+
+    monkeypatch.setattr(Path, "stat", refuse)
+    with pytest.raises(InputError, match=r"cannot be written \((permission denied|file name too long)\)"):
+        camcal.undistort(tmp_path / "a.png", camera_file, tmp_path / place)
+
+
 def test_a_full_disk_ends_the_run(camera_file, tmp_path, monkeypatch):
     """Only whole files are left and no camera that would say that all is there; --resume does the rest and only that."""
     photos = make_images(tmp_path / "photos", *(f"{i}.png" for i in range(6)))
@@ -464,7 +480,7 @@ def test_a_full_disk_ends_the_run(camera_file, tmp_path, monkeypatch):
         return write(path, data)
 
     monkeypatch.setattr(Path, "write_bytes", fill_up)
-    with pytest.raises(InputError, match=r"3\.png: cannot be written \(no space left on device\)"):
+    with pytest.raises(InputError, match=r"3\.png: cannot be written \(no space left on device\).* go on .* with --resume"):
         camcal.undistort(photos, camera_file, tmp_path / "o", jobs=1)
     monkeypatch.undo()
     assert tree(tmp_path / "o") == ["0.png", "1.png", "2.png", LEDGER_NAME]
@@ -474,6 +490,20 @@ def test_a_full_disk_ends_the_run(camera_file, tmp_path, monkeypatch):
     after = stamps(tmp_path / "o")
     assert before == {name: after[name] for name in before}
     assert (tmp_path / "o/camera.yaml").exists()
+
+
+def test_a_run_that_comes_to_nothing_leaves_nothing(camera_file, tmp_path):
+    """Neither ledger nor folders that were made for it; what was there before stays, a table of somebody's of that name too."""
+    photos = make_images(tmp_path / "photos", "sub/a.png")
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / LEDGER_NAME).write_text("my,own\n")
+    before = sorted(tmp_path.rglob("*"))
+    for place in (tmp_path / "new/o", mine):
+        with pytest.raises(InputError, match="--fill: no value"):
+            camcal.undistort(photos, camera_file, place, fill=999, recursive=True, force=True)
+    assert (mine / LEDGER_NAME).read_text().startswith("my,own\n")
+    assert [path for path in sorted(tmp_path.rglob("*")) if path not in before] in ([], [mine / "sub"])
 
 
 # --- going on ---------------------------------------------------------------------------------------------------------
@@ -683,6 +713,19 @@ def test_a_fold_is_not_passed_over_in_silence(tmp_path, caplog):
     assert told is not None
     # Both grids, of pixels and of nodes, count a ring of about 165 px with an error of a share of its length.
     assert float(told[1]) / 100 == pytest.approx(past, abs=0.02)
+
+
+def test_results_that_see_next_to_nothing_are_told_of(camera_file, tmp_path, caplog):
+    """The number, where most of each result is going to be empty: 170 degrees for a lens that sees 67."""
+    photos = make_images(tmp_path / "photos", "a.png")
+    with caplog.at_level(logging.WARNING, logger="camcal"):
+        camcal.undistort(photos, camera_file, tmp_path / "o", alpha=1)
+        camcal.undistort(photos, camera_file, tmp_path / "p", fov_deg=80)
+        assert not caplog.records
+        camcal.undistort(photos, camera_file, tmp_path / "q", fov_deg=170, mask=True)
+    told = re.search(r"q: ([\d.]+)% of each result sees nothing of its source\. Show less", caplog.text)
+    assert told is not None
+    assert float(told[1]) / 100 == pytest.approx((read_image(tmp_path / "q/mask.png") == 0).mean(), abs=0.01)
 
 
 def test_distort_undoes_undistort(tmp_path):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scenes import BOARD
 from skimage.metrics import structural_similarity
-from undistortion_scenes import camera_of
+from undistortion_scenes import bilinear, camera_of, seen_by
 
 from camcal.geometry.camera import Camera
 from camcal.geometry.pose import Pose
@@ -79,7 +79,8 @@ def straightness_px(corners_px: np.ndarray) -> np.ndarray:
 def test_straight_lines_are_straight(lens, interpolation):
     """Rows and columns of the board in the undistorted 8-bit image: straight within 0.02 px, by splines in every corner.
 
-    Linear interpolation blurs by as much as a corner lies between pixels, which pulls at it: 0.02 px is its RMS.
+    Linear interpolation blurs by as much as a corner lies between pixels, which pulls at it. Its RMS is 0.012 px here and its
+    worst corner 0.028 px off, to the last digit that of an exact linear remap (see below); cubic's worst is 0.005 px off.
     """
     camera, target, pose, distorted, _ = rendered(lens, 0.0)
     image = undistort_image(np.rint(distorted).astype(np.uint8), undistort_map(camera, target), interpolation=interpolation)
@@ -90,3 +91,20 @@ def test_straight_lines_are_straight(lens, interpolation):
     assert np.sqrt((bent**2).mean()) <= 0.02
     assert interpolation == "linear" or np.abs(bent).max() <= 0.02
     assert np.sqrt(((found - expected) ** 2).mean()) <= 0.02
+
+
+@pytest.mark.parametrize("lens", ["barrel", "pincushion", "wide", "tangential", "fold"])
+def test_no_linear_interpolation_is_straighter(lens):
+    """The corners lie where they do in an image remapped in float64 by the formula: what bends them is the method itself.
+
+    Coordinates are 2e-4 px off at most and corners average hundreds of pixels, a few of which round the other way.
+    """
+    camera, target, pose, distorted, _ = rendered(lens, 0.0)
+    image = np.rint(distorted).astype(np.uint8)
+    best = np.rint(bilinear(image, seen_by(camera, target))).astype(np.uint8)
+    expected = target.project(pose.apply(BOARD.object_points))
+    ours, theirs = (
+        refine_saddle(i, np.arange(ROWS * COLUMNS), expected, BOARD).corners_px
+        for i in (undistort_image(image, undistort_map(camera, target)), best)
+    )
+    assert np.abs(straightness_px(ours) - straightness_px(theirs)).max() <= 1e-3

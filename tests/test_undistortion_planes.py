@@ -5,10 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from undistortion_scenes import LENSES, camera_of, pixel_grid, seen_by
+from undistortion_scenes import LENSES, camera_of, lies_within, pixel_grid, seen_by
 
-from camcal.undistortion.maps import undistort_image, undistort_map, valid_mask
-from camcal.undistortion.planes import SITINGS, plane_camera, plane_map, undistort_planes
+from camcal.undistortion.maps import UndistortMap, undistort_image, undistort_map, valid_mask
+from camcal.undistortion.planes import SITINGS, plane_camera, plane_map
 from camcal.undistortion.target import target_camera
 
 
@@ -55,16 +55,15 @@ def test_planes_stay_together(subsampling, siting):
         assert np.abs(result - looked)[inside].max() < 1e-3
 
 
-@pytest.mark.parametrize("alpha", [0.0, 1.0])
 @pytest.mark.parametrize("siting", SITINGS)
 @pytest.mark.parametrize("lens", ["barrel", "pincushion", "wide"])
-def test_valid_pixels_have_valid_chroma(lens, siting, alpha):
-    """The chroma sample of every valid pixel is valid, whatever the siting."""
+def test_samples_see_up_to_the_edges_of_the_picture(lens, siting):
+    """By the model in float64: half a sample past the outermost ones, plus what a map rounds, and no farther."""
     camera = camera_of(lens, (641, 479))
-    undistort = undistort_map(camera, target_camera(camera, alpha))
-    luma, chroma = valid_mask(undistort), valid_mask(plane_map(undistort, (2, 2), siting))
-    spread = chroma.repeat(2, axis=0).repeat(2, axis=1)[: luma.shape[0], : luma.shape[1]]
-    assert (spread[luma > 0] > 0).all()
+    chroma = plane_map(undistort_map(camera, target_camera(camera, 1.0)), (2, 2), siting)
+    looked, mask = seen_by(chroma.source, chroma.target), valid_mask(chroma) > 0
+    assert mask[lies_within(looked, chroma.source.size, 0.5)].all()
+    assert lies_within(looked, chroma.source.size, 0.5 + 2e-3)[mask].all()
 
 
 def test_full_planes_use_the_map_itself():
@@ -78,20 +77,10 @@ def test_full_planes_use_the_map_itself():
         plane_map(undistort, (2, 2), "right")
 
 
-def test_planes_are_filled_and_buffered():
-    """Luma, chroma and alpha through their maps into given buffers, filled with a value each."""
-    camera = camera_of("barrel")
-    undistort = undistort_map(camera, target_camera(camera, 1.0))
-    chroma = plane_map(undistort, (2, 2))
-    shapes = [(480, 640), (240, 320), (240, 320), (480, 640)]
-    planes = [np.full(shape, 50 + i, np.uint16) for i, shape in enumerate(shapes)]
-    out = [np.zeros(shape, np.uint16) for shape in shapes]
-    results = undistort_planes(planes, undistort, chroma, fill=(64, 512, 512, 0), out=out)
-    for i, (result, given, used) in enumerate(zip(results, out, (undistort, chroma, chroma, undistort), strict=True)):
-        valid = valid_mask(used) > 0
-        assert result is given
-        assert (result[valid] == 50 + i).all()
-        assert (result[~valid] == (64, 512, 512, 0)[i]).all()
+def by_planes(planes: list[np.ndarray], undistort: UndistortMap, siting: str = "center") -> list[np.ndarray]:
+    """Y, Cb and Cr of 4:2:0 resampled each by itself."""
+    chroma = plane_map(undistort, (2, 2), siting)
+    return [undistort_image(plane, used) for plane, used in zip(planes, (undistort, chroma, chroma), strict=True)]
 
 
 def to_planes(bgr: np.ndarray) -> list[np.ndarray]:
@@ -136,13 +125,13 @@ def test_planes_are_closer_to_the_truth_than_bgr(lens, blur_px):
     planes = [rounded(luma), rounded(halved(cb)), rounded(halved(cr))]
     decoded = to_bgr(*planes)
     truth = undistort_image(decoded.astype(np.float32), undistort).astype(np.float64)
-    by_planes = to_bgr(*undistort_planes(planes, undistort, plane_map(undistort, (2, 2))))
+    resampled = to_bgr(*by_planes(planes, undistort))
     luma, cb, cr = to_planes(undistort_image(rounded(decoded), undistort))
     by_bgr = to_bgr(rounded(luma), rounded(halved(cb)), rounded(halved(cr)))
-    assert psnr_db(by_planes, truth) > psnr_db(by_bgr, truth)
+    assert psnr_db(resampled, truth) > psnr_db(by_bgr, truth)
     # Chroma of a wrong siting is half a pixel off.
-    wrong = to_bgr(*undistort_planes(planes, undistort, plane_map(undistort, (2, 2), "bottomleft")))
-    assert psnr_db(wrong, truth) < psnr_db(by_planes, truth)
+    wrong = to_bgr(*by_planes(planes, undistort, "bottomleft"))
+    assert psnr_db(wrong, truth) < psnr_db(resampled, truth)
 
 
 def test_maps_of_planes_follow_the_model():

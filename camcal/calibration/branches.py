@@ -34,7 +34,7 @@ def reposed(state: State, seen: Observations) -> State | None:
     candidates = np.full((_BRANCHES, *state.rvecs.shape), np.nan), np.full((_BRANCHES, *state.ts.shape), np.nan)
     views = zip(np.split(seen.points_board, seen.starts[1:]), np.split(seen.corners_px, seen.starts[1:]), strict=True)
     for view, (points, corners) in enumerate(views):
-        for branch, (rvec, t) in enumerate(_planar_poses(state.camera, points, corners)):
+        for branch, (rvec, t) in enumerate(planar_poses(state.camera, points, corners)):
             candidates[0][branch, view], candidates[1][branch, view] = rvec, t
     best = view_costs(state, seen)
     rvecs, ts = state.rvecs.copy(), state.ts.copy()
@@ -48,7 +48,7 @@ def reposed(state: State, seen: Observations) -> State | None:
     return State(state.camera, rvecs, ts) if changed else None
 
 
-def _planar_poses(camera: Camera, points_board: FloatArray, corners_px: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+def planar_poses(camera: Camera, points_board: FloatArray, corners_px: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
     """Both poses of one view in front of the camera, each refined on the undistorted corners; empty if there is none."""
     rays = camera.unproject(corners_px)
     reached = np.isfinite(rays).all(axis=1)

@@ -34,7 +34,7 @@ def closed_form_camera(seen: Observations, size: tuple[int, int]) -> Camera:
     fallback = Camera(size, [[longer, 0, centre[0]], [0, longer, centre[1]], [0, 0, 1]])
     # Coordinates about one keep the system well conditioned.
     N = np.array([[2 / longer, 0, -2 * centre[0] / longer], [0, 2 / longer, -2 * centre[1] / longer], [0, 0, 1]])
-    rows = [_constraints(N @ H) for H in _homographies(seen) if np.isfinite(H).all()]
+    rows = [_constraints(N @ H) for H in homographies(seen) if np.isfinite(H).all()]
     if len(rows) < 3:
         return fallback
     b11, b22, b13, b23, b33 = np.linalg.svd(np.concatenate(rows))[2][-1]
@@ -54,7 +54,7 @@ def facing(camera: Camera, seen: Observations) -> State:
     return State(camera, rvecs, np.tile([0.0, 0.0, 10 * extent], (len(rvecs), 1)))
 
 
-def _homographies(seen: Observations) -> list[FloatArray]:
+def homographies(seen: Observations) -> list[FloatArray]:
     """Homography (3, 3) from the board to pixels of each view."""
     points = np.split(seen.points_board[:, :2], seen.starts[1:])
     corners = np.split(seen.corners_px, seen.starts[1:])

@@ -41,7 +41,7 @@ class Descent:
     failure: str = ""
 
 
-def descend(start: State, seen: Observations, columns: IntArray) -> Descent:
+def descend(start: State, seen: Observations, columns: IntArray, *, most_steps: int = _MOST_STEPS) -> Descent:
     """Minimise the weighted sum of squared residuals.
 
     Parameters
@@ -51,6 +51,8 @@ def descend(start: State, seen: Observations, columns: IntArray) -> Descent:
     seen : Observations
     columns : ndarray of shape (F,)
         Places of the free intrinsics in `Camera.intrinsics`.
+    most_steps : int
+        Steps after which it stops, wherever it is.
 
     Returns
     -------
@@ -60,7 +62,7 @@ def descend(start: State, seen: Observations, columns: IntArray) -> Descent:
     cost = _cost(state, seen)
     if not np.isfinite(cost):
         return Descent(state, cost, "a board ends up behind the camera")
-    for _ in range(_MOST_STEPS):
+    for _ in range(most_steps):
         try:
             step = NormalEquations.build(state, seen, columns)
             d_intrinsics, d_poses, decrease = step.solve(damping)

@@ -32,6 +32,8 @@ _RING_CORNERS = 17
 _LARGEST_SHARE_OF_A_VIEW = 0.3
 _LARGEST_SHARE_OF_ALL = 0.2
 _HALVINGS = 60
+# A residual longer than any image, or behind the camera, counts as one of this length.
+_LONGEST_PX = 1e6
 # Made corners may be perfect: below a billionth of a pixel there is no scale.
 _LEAST_VARIANCE_PX2 = 1e-18
 
@@ -83,6 +85,20 @@ def worst_misfit(state: State, seen: Observations, sigma_px: FloatArray, kept: B
 def distances_in_sigmas(state: State, seen: Observations, sigma_px: FloatArray, kept: BoolArray) -> FloatArray:
     """Distance of each corner (M,) from its place, in the standard deviations of a corner of its view that belongs."""
     return _distances(state, seen, sigma_px, kept)[1]
+
+
+def usual_sigma_px(lengths_px: FloatArray, sigma_px: FloatArray) -> FloatArray:
+    """Standard deviation per axis (M,) of a corner that belongs, given the residuals' lengths (M,) and what each knows."""
+    squares = np.minimum(lengths_px, _LONGEST_PX) ** 2
+    return np.sqrt(_usual_variance(squares, sigma_px, np.ones(squares.size, dtype=bool)))
+
+
+def standing_out(state: State, seen: Observations) -> FloatArray:
+    """How many times farther off the median corner of each view (V,) is than that of the median view; 0 if it is near."""
+    lengths = np.linalg.norm(residuals(state, seen), axis=1)
+    medians = _medians(np.where(np.isfinite(lengths), lengths, np.inf), seen)
+    typical = np.clip(np.median(medians), np.sqrt(_LEAST_VARIANCE_PX2), _LONGEST_PX)
+    return np.where(medians > _NEAR_PX, medians / typical, 0.0)
 
 
 def _distances(state: State, seen: Observations, sigma_px: FloatArray, kept: BoolArray) -> tuple[FloatArray, FloatArray]:

@@ -6,14 +6,12 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from camcal.calibration.advice import worst_view
 from camcal.calibration.branches import reposed
 from camcal.calibration.closed_form import closed_form_camera, facing
 from camcal.calibration.finish import Descent, descend
 from camcal.calibration.normal_equations import Observations, State, view_rms
 from camcal.calibration.parameters import first_stage, places
 from camcal.calibration.start import opencv_start
-from camcal.errors import SolveError
 from camcal.geometry.arrays import FloatArray, IntArray
 from camcal.observations import Detection
 
@@ -30,7 +28,7 @@ _MOST_REPOSINGS = 4
 
 def lowest_minimum(
     detections: Sequence[Detection], object_points: FloatArray, seen: Observations, free: tuple[str, ...]
-) -> State:
+) -> Descent:
     """Find the camera and the poses that fit the corners best.
 
     Parameters
@@ -46,12 +44,8 @@ def lowest_minimum(
 
     Returns
     -------
-    State
-
-    Raises
-    ------
-    SolveError
-        If no start leads to a minimum; it names the view that fits worst.
+    Descent
+        Its failure says why if no start leads to a minimum; then it is the lowest state that one of them led to.
     """
     found: list[Descent] = []
     # Trial steps far from any camera may overflow; their cost is infinite then, and they are not taken.
@@ -60,10 +54,7 @@ def lowest_minimum(
             found.append(_descend_in_stages(start, seen, stages))
             if not _suspicious(found[-1], seen):
                 break
-    best = min(found, key=lambda descent: (bool(descent.failure), descent.cost))
-    if best.failure:
-        raise SolveError(f"solve: {best.failure}. {worst_view(view_rms(best.state, seen), detections, free)}")
-    return best.state
+    return min(found, key=lambda descent: (bool(descent.failure), descent.cost))
 
 
 def _starts(

@@ -12,6 +12,7 @@ from camcal.calibration.board_shape import shape_basis
 from camcal.calibration.limits import LARGEST_CONDITION, LARGEST_RELATIVE_FOCAL_SIGMA
 from camcal.calibration.normal_equations import Covariances, NormalEquations, Observations, State, residuals, view_rms
 from camcal.calibration.parameters import DEFAULT_DISTORTION, free_names, places
+from camcal.calibration.restart import start_from_planes
 from camcal.calibration.robust import Fit, robust_minimum
 from camcal.calibration.search import lowest_minimum
 from camcal.calibration.views import FEWEST_VIEWS, too_few_views, usable_views
@@ -67,13 +68,18 @@ def solve(
     free = free_names(distortion)
     seen = Observations.gather(used, object_points)
     with single_threaded():
-        state = lowest_minimum(used, object_points, seen, free)
-        columns = places(state.camera, free)
+        lowest = lowest_minimum(used, object_points, seen, free)
+        columns = places(lowest.state.camera, free)
         if shape:
             seen = seen.shaped(used, shape_basis(object_points, shape))
-            columns = np.append(columns, state.shared.size + np.arange(len(shape)))
-            state = replace(state, shape=np.zeros(len(shape)))
-        fit = robust_minimum(state, seen, used, columns, free)
+            columns = np.append(columns, lowest.state.shared.size + np.arange(len(shape)))
+            lowest = replace(lowest, state=replace(lowest.state, shape=np.zeros(len(shape))))
+
+        def restart() -> State:
+            state = start_from_planes(used, object_points, seen, free) or lowest.state
+            return replace(state, shape=np.zeros(len(shape)))
+
+        fit = robust_minimum(lowest, seen, used, columns, free, restart=restart)
         covariances = _covariances(fit, columns, free)
     return _calibration(fit, covariances, free, shape, _sorted([*rejected, *poor, *fit.misfits]))
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
 import click
 
 from camcal.cli import options
 from camcal.cli.console import ConsoleReporter, print_json
 from camcal.cli.image_size import read_size
-from camcal.errors import InputError, QualityError
+from camcal.errors import DetectionError, InputError, QualityError
 
 _LONGEST_NAME = 1000
 
@@ -91,32 +95,33 @@ def calibrate(
     from camcal.workflows.calibrate import calibrate as run_calibration
 
     unlimited = float("nan")
-    run = run_calibration(
-        images,
-        board,
-        output,
-        distortion=distortion,
-        refine=refine,
-        warp=warp,
-        scale=scale,
-        gates=Gates(
-            require or "",
-            unlimited if max_rms is None else max_rms,
-            unlimited if max_sigma_px is None else max_sigma_px,
-        ),
-        twin=twin,
-        anamorphic=anamorphic,
-        only_used=only_used,
-        size=size,
-        undistort=undistort,
-        report=not no_report,
-        plots=plots,
-        plot_formats=plot_formats,
-        name=name,
-        force=force,
-        jobs=jobs,
-        reporter=ConsoleReporter(),
-    )
+    with _with_a_way_to_look(images, board):
+        run = run_calibration(
+            images,
+            board,
+            output,
+            distortion=distortion,
+            refine=refine,
+            warp=warp,
+            scale=scale,
+            gates=Gates(
+                require or "",
+                unlimited if max_rms is None else max_rms,
+                unlimited if max_sigma_px is None else max_sigma_px,
+            ),
+            twin=twin,
+            anamorphic=anamorphic,
+            only_used=only_used,
+            size=size,
+            undistort=undistort,
+            report=not no_report,
+            plots=plots,
+            plot_formats=plot_formats,
+            name=name,
+            force=force,
+            jobs=jobs,
+            reporter=ConsoleReporter(),
+        )
     if as_json:
         print_json(run.as_dict())
     else:
@@ -125,6 +130,21 @@ def calibrate(
         print_calibration(run, images, undistorted=undistort, report=not no_report)
     if run.verdict.problems:
         raise QualityError(f"{run.folder}: written, but must not be trusted: {run.verdict.problems[0]}")
+
+
+@contextmanager
+def _with_a_way_to_look(images: Sequence[str], board: str) -> Iterator[None]:
+    """Where too few boards were found in images, name the command that draws what was seen."""
+    from camcal.formats.corner_exchange.table import is_corners_path
+
+    try:
+        yield
+    except DetectionError as error:
+        if is_corners_path(images[0]):
+            raise
+        named = shlex.quote(images[0]) if len(images) == 1 else "IMAGES"
+        line = f"camcal detect {named} --board {shlex.quote(board)} -o corners.csv --overlay seen"
+        raise DetectionError(f"{error} To look at what was seen: {line}") from None
 
 
 def _check_name(name: str) -> None:

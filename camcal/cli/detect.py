@@ -109,6 +109,8 @@ def _notes(view: Detection | Rejected, run: DetectionRun) -> list[str]:
 
 def _print_facts(run: DetectionRun, overlay: str | None) -> None:
     """Print what all images come to, what was written, and what to run next."""
+    from camcal.calibration.views import FEWEST_VIEWS
+
     found, count = len(run.detections), len(run.views)
     corners = sum(len(seen) for seen in run.detections)
     following = [
@@ -123,7 +125,7 @@ def _print_facts(run: DetectionRun, overlay: str | None) -> None:
             "board": f"{run.board.spec} in {found} of {count} {'image' if count == 1 else 'images'}, {corners} corners",
             "files": str(run.output or ""),
             "seen": f"{overlay}: a picture of each image" if run.overlays else "",
-            "next": wrapped_command(following, indent=len("files  ")) if run.output else "",
+            "next": wrapped_command(following, indent=len("files  ")) if run.output and found >= FEWEST_VIEWS else "",
         }
     )
 
@@ -139,4 +141,5 @@ def _nothing(run: DetectionRun, overlay: str | None) -> str:
     """Say that there is no board in any image, and why the first has none."""
     first = run.rejected[0]
     look = f" Look at the pictures in {overlay}." if overlay else " Look at what was seen with --overlay DIR."
-    return f"{run.board.spec}: found in none of {len(run.views)} images ({first.source}: {first.reason}).{look}"
+    where = "found in no image" if len(run.views) == 1 else f"found in none of {len(run.views)} images"
+    return f"{run.board.spec}: {where} ({first.source}: {first.reason}).{look}"

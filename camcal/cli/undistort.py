@@ -152,7 +152,7 @@ def undistort(*, inputs: tuple[str, ...], **chosen: Any) -> None:
     else:
         for output in done.outputs:
             reporter.detail(f"{output.source}: written to {output.target}")
-        say_wrapped(_summary(done, "distorted" if chosen["distort"] else "undistorted"))
+        say_wrapped(_on_one_line(_summary(done, "distorted" if chosen["distort"] else "undistorted")))
     if done.rejected:
         first, count = done.rejected[0], len(done.rejected)
         others = f"{count} of {count + len(done.outputs) + len(done.already_done)} files"
@@ -195,9 +195,14 @@ def _say_plan(done: Undistortion) -> None:
     """Print what would be done."""
     width, height = done.target.size
     for output in done.outputs:
-        say(f"{output.source} -> {output.target}  {width}x{height} {output.format}")
+        say(_on_one_line(f"{output.source} -> {output.target}  {width}x{height} {output.format}"))
     if done.already_done:
         say(f"{len(done.already_done)} more {'is' if len(done.already_done) == 1 else 'are'} done already.")
+
+
+def _on_one_line(text: str) -> str:
+    """Write what would move a terminal's cursor, or do worse, as escapes: a file may have any name."""
+    return "".join(character if character.isprintable() else repr(character)[1:-1] for character in text)
 
 
 def _summary(done: Undistortion, how: str) -> str:

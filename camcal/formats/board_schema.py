@@ -124,11 +124,11 @@ def read_board(path: str | Path) -> Board:
         raise document.error((key,), "missing (expected checkerboard or aprilgrid). Add it; Kalibr's is called target_type.")
     kind = document.data[key]
     if not isinstance(kind, str) or kind not in readers[key]:
-        raise document.error(
-            (key,),
-            f"unknown kind of board (got {describe(kind)}, expected {' or '.join(readers[key])})."
-            + did_you_mean(str(kind), readers[key]),
-        )
+        # Kalibr's third kind is no slip of the pen.
+        circles = str(kind) == "circlegrid"
+        advice = " Circles are not detected: print another board." if circles else did_you_mean(str(kind), readers[key])
+        problem = f"unknown kind of board (got {describe(kind)}, expected {' or '.join(readers[key])})."
+        raise document.error((key,), problem + advice)
     return readers[key][kind](document)
 
 

@@ -146,9 +146,9 @@ class CameraInfo(Schema):
     model_config = ConfigDict(extra="ignore", json_schema_extra={"allOf": [_coefficients(lens) for lens in LENSES]})
 
     image_width: _Side
-    """Pixels."""
+    """Width of the images, pixels."""
     image_height: _Side
-    """Pixels."""
+    """Height of the images, pixels."""
     camera_name: Text = "camera"
     """What the camera is called."""
     distortion_model: Annotated[str, schema_only(enum=list(LENSES))]

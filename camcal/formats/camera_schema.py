@@ -142,7 +142,9 @@ def _coefficients(document: Document, info: CameraInfo) -> FloatArray:
     count = len(matrix.data)
     if count not in LENSES[name]:
         expected = " or ".join(str(n) for n in LENSES[name] if n)
-        problem = f"wrong number of coefficients for {name} (got {count}, expected {expected})"
+        other = next((lens for lens, counts in LENSES.items() if count in counts), None)
+        advice = "" if other is None else f". Are they those of {other}? Then name it so."
+        problem = f"wrong number of coefficients for {name} (got {count}, expected {expected}){advice}"
         raise document.error(("distortion_coefficients", "data"), problem)
     # One row or one column: OpenCV writes either.
     shape = (count, 1) if matrix.cols == 1 and count else (1, count)

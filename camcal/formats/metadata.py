@@ -19,8 +19,8 @@ _HEAD_BYTES = 1 << 16
 def carry_metadata(source: bytes, encoded: bytes, note: str) -> tuple[bytes, tuple[str, ...]]:
     """Give an encoded image the metadata of its source, and a note of what was done to it.
 
-    The note is a comment in JPEG and PNG, a line of EXIF's image history (a tag of TIFF/EP) in TIFF, and in WebP if there is
-    no EXIF yet.
+    The note is a comment in JPEG and PNG, and a line of EXIF's image history (a tag of TIFF/EP) in TIFF; in WebP too if there
+    is no EXIF yet, or else XMP's history if there is no XMP yet.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def carry_metadata(source: bytes, encoded: bytes, note: str) -> tuple[bytes, tup
         content, left_behind = old.with_metadata_of(source, encoded, note)
     else:
         described = old.metadata(source) if old else Metadata(others=_unread(source))
-        content, left_behind = new.with_metadata(encoded, described, note) if new else (encoded, _named(described))
+        content, left_behind = new.with_metadata(encoded, described, note) if new else (encoded, _lost(described))
         left_behind = [*described.others, *left_behind]
     warnings = [f"not carried over: {', '.join(left_behind)}"] if left_behind else []
     if old and image_size(source) != image_size(encoded) and old.metadata(source).exif:
@@ -50,10 +50,9 @@ def carry_metadata(source: bytes, encoded: bytes, note: str) -> tuple[bytes, tup
     return content, tuple(warnings)
 
 
-def _named(described: Metadata) -> list[str]:
+def _lost(described: Metadata) -> list[str]:
     """Names of all that a format without metadata loses."""
-    blocks = {"EXIF": described.exif, "XMP": described.xmp, "colour profile": described.icc, "comments": described.comments}
-    return [name for name, block in blocks.items() if block]
+    return [*described.names(), *(["resolution"] if described.dots_per_metre else [])]
 
 
 def _unread(source: bytes) -> tuple[str, ...]:

@@ -104,8 +104,8 @@ def load_yaml(path: str | Path) -> Document:
     """
     text = read_text(path, _LONGEST_FILE_BYTES)
     name = str(path)
-    # OpenCV 4 writes a directive that is no YAML.
-    text = re.sub(r"\A%YAML:1\.\d+", "%YAML 1.1", text)
+    # OpenCV 4 writes a directive that is no YAML, and does without the `---` that one asks for.
+    text = re.sub(r"\A%YAML:1\.\d+", "#", text)
     unprintable = yaml.reader.Reader.NON_PRINTABLE.search(text)
     if unprintable:
         line = text.count("\n", 0, unprintable.start()) + 1
@@ -141,9 +141,11 @@ class _Composer:
         root = next(self.events)
         data = self.value(root, ())
         next(self.events)
-        following = next(self.events)
-        if not isinstance(following, yaml.StreamEndEvent):
-            self.fail(following, (), "a second document (expected one). Keep one and remove the `---` between them.")
+        # ROS ends what it echoes with `---`, after which nothing follows.
+        while not isinstance(following := next(self.events), yaml.StreamEndEvent):
+            if not _is_nothing(next(self.events)):
+                self.fail(following, (), "a second document (expected one). Keep one and remove the `---` between them.")
+            next(self.events)
         if not isinstance(data, dict):
             self.fail(root, (), f"not a mapping (got {describe(data)}, expected `key: value` lines)")
         return data
@@ -254,6 +256,11 @@ def describe(value: Any) -> str:
 def _line(event: yaml.Event) -> int:
     """Line, counted from 1, that an event starts on."""
     return event.start_mark.line + 1 if event.start_mark else 1
+
+
+def _is_nothing(event: yaml.Event) -> bool:
+    """Whether a document that begins with an event is empty."""
+    return isinstance(event, yaml.ScalarEvent) and not (event.value or event.style)
 
 
 def _is_plain(key: str) -> bool:

@@ -26,7 +26,7 @@ VIEWS_FIGURE = "view_rms"
 GROUPS = {
     "uncertainty": ("Uncertainty", "Projection uncertainty", ("uncertainty",)),
     "coverage": ("Coverage", "Coverage", ("coverage", "stance")),
-    "residuals": ("Residuals", "Residuals", ("residuals", "residual_radius", "residual_histogram")),
+    "residuals": ("Residuals", "Residuals", ("residuals", "residual_radius", "residual_histogram", "quivers")),
     "views": ("Views", "View by view", (VIEWS_FIGURE,)),
     "space": ("Space", "Boards and camera in space", ("scene",)),
     "lens": ("Lens", "Lens distortion", ("distortion",)),
@@ -38,9 +38,12 @@ WORDS = {
     "good": "Use it: nothing that was checked speaks against it.",
     "usable": "Use it within the limits named below.",
     "poor": "Do not measure with it before the advice below has been followed.",
-    "rejected": "Do not use it: the result is wrong, and here is why.",
+    "rejected": "Do not use it.",
 }
 """What each word of a verdict means for whoever wants to use the camera."""
+
+_TO_EXPLAIN = ("poor", "rejected")
+"""Words whose reason stands beside them, at the top of the page."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +134,7 @@ def calibration_page(record: Record, making: Making | None = None) -> str:
             "record": record,
             "verdict": known.verdict,
             "meaning": WORDS[known.verdict.word],
+            "because": known.verdict.findings[0].text if known.verdict.word in _TO_EXPLAIN else "",
             "glance": glance(record),
             "rows": parameter_rows(known),
             "facts": facts(record),

@@ -46,9 +46,9 @@ def glance(record: Record) -> dict[str, str]:
     shown = {"fit (RMS)": f"{known.rms_px:.3g} px", "views": f"{known.views} of {views}"}
     if known.uncertainty is not None:
         near = known.uncertainty.at_range
-        shown["known to, middle"] = _pixels(near.centre_px)
-        shown["known to, corners"] = _pixels(*near.corners_px)
-        shown["better than 0.5 px"] = f"{100 * near.shares[1]:.0f} % of the image"
+        shown["σ in the middle"] = _pixels(near.centre_px)
+        shown["σ in the corners"] = _pixels(*near.corners_px)
+        shown["σ below 0.5 px"] = f"{100 * near.shares[1]:.0f} % of the image"
     return shown
 
 

@@ -90,5 +90,5 @@ def _sentence(kind: str, shift: float, reach: float, whole: bool) -> str:
         "moustache": "straight lines bow one way near the middle and the other way farther out",
     }[kind]
     ideal = reach - shift
-    share = f", {rounded(100 * abs(shift) / ideal)} % of the way" if ideal > 0 else ""
-    return f"{bows}; {where} points are moved {rounded(abs(shift))} px {way}{share}"
+    share = f", {rounded(100 * abs(shift) / ideal)} % of its distance from the middle" if ideal > 0 else ""
+    return f"{bows}; {where} a point is moved {rounded(abs(shift))} px {way}{share}"

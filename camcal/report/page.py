@@ -54,7 +54,7 @@ def render_page(template: str, context: Mapping[str, Any]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(sentence=_sentence, with_options=_with_options)
+    environment.filters.update(sentence=_sentence, ended=_ended, with_options=_with_options)
     script = _text("report.js")
     frame = {
         "style": Markup(_style()),
@@ -74,6 +74,17 @@ def _sentence(text: str) -> str:
     ('Every view is flat', 'k3 is not supported', 'fx is off', 'a.png: blurred')
     """
     return text if _NAME.match(text) else text[:1].upper() + text[1:]
+
+
+def _ended(text: str) -> str:
+    """End with a full stop, unless the text ends as a sentence does.
+
+    Examples
+    --------
+    >>> _ended("blurred"), _ended("is it a ChArUco board?")
+    ('blurred.', 'is it a ChArUco board?')
+    """
+    return text if text.endswith((".", "?", "!")) else f"{text}."
 
 
 def _with_options(text: str) -> Markup:

@@ -7,17 +7,10 @@ siting.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from camcal.geometry.camera import Camera
-from camcal.undistortion.maps import UndistortMap, undistort_map
-from camcal.undistortion.resample import undistort_image
-
-if TYPE_CHECKING:
-    from camcal.observations import Image
+from camcal.undistortion.maps import RIM_PX, UndistortMap, undistort_map
 
 SITINGS = {
     "center": (0.5, 0.5),
@@ -31,9 +24,6 @@ SITINGS = {
 
 "center" is JPEG and MPEG-1, "left" MPEG-2, H.264 and HEVC, "topleft" HEVC of ultra high definition; FFmpeg's names.
 """
-
-# A chroma sample is used by luma pixels next to it, so it is made up (from the outermost chroma) a little past the rim.
-_CHROMA_RIM_PX = 1.5
 
 
 def plane_camera(camera: Camera, subsampling: tuple[int, int], siting: str = "center") -> Camera:
@@ -77,41 +67,10 @@ def plane_map(undistort: UndistortMap, subsampling: tuple[int, int], siting: str
     Returns
     -------
     UndistortMap
-        The given one if nothing is subsampled. A sample that any valid pixel of the image uses is valid.
+        The given one if nothing is subsampled. A sample is valid if its centre sees the picture, which ends half a sample past
+        the outermost ones: with fewer of them its rim would be grey, with more it would have a ring of colour around it.
     """
     if tuple(subsampling) == (1, 1):
         return undistort
     source, target = (plane_camera(camera, subsampling, siting) for camera in (undistort.source, undistort.target))
-    return undistort_map(source, target, samples=undistort.samples, rim_px=_CHROMA_RIM_PX)
-
-
-def undistort_planes(
-    planes: Sequence[Image],
-    undistort: UndistortMap,
-    chroma: UndistortMap,
-    *,
-    fill: Sequence[float] = (0, 128, 128),
-    interpolation: str = "linear",
-    out: Sequence[Image | None] | None = None,
-) -> tuple[Image, ...]:
-    """Resample the planes of a YCbCr image.
-
-    Parameters
-    ----------
-    planes : sequence of ndarray of shape (height, width)
-        Y; or Y, Cb, Cr; or Y, Cb, Cr and alpha. uint8 or uint16.
-    undistort, chroma : UndistortMap
-        The map of the image, and its `plane_map` for Cb and Cr.
-    fill : sequence of float
-        For each plane, the value of pixels that see nothing; the default is black of a JPEG with three planes.
-    interpolation : str
-        As for `undistort_image`.
-    out : sequence of ndarray, optional
-        Where to write each plane.
-    """
-    maps = (undistort, chroma, chroma, undistort)
-    outs = [None] * len(planes) if out is None else out
-    return tuple(
-        undistort_image(plane, maps[i], interpolation=interpolation, fill=fill[i], out=outs[i])
-        for i, plane in enumerate(planes)
-    )
+    return undistort_map(source, target, samples=undistort.samples, rim_px=1 - 1 / max(subsampling) + RIM_PX)

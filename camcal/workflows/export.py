@@ -12,6 +12,7 @@ from camcal.formats.exchange.table import format_named
 from camcal.formats.exchange.writing import suffix_of, written
 from camcal.formats.output import claim_file, write_atomically
 from camcal.geometry.camera import Camera
+from camcal.observations import Intrinsics
 from camcal.workflows.reporting import LogReporter, Reporter
 
 MAX_REFIT_PX = 3.0
@@ -42,7 +43,7 @@ class Exported:
 
 
 def export_camera(
-    camera: str | Path,
+    camera: str | Path | Camera | Intrinsics,
     to: str,
     output: str | Path | None = None,
     *,
@@ -61,8 +62,8 @@ def export_camera(
 
     Parameters
     ----------
-    camera : path
-        A camera file of any known format, or a folder that `calibrate` wrote.
+    camera : path, Camera or Intrinsics
+        A camera file of any known format, or a folder that `calibrate` wrote; or the camera itself.
     to : str
         ros, opencv, kalibr, colmap, mrcal, nerfstudio, matlab, lensfun or json.
     output : path, optional
@@ -109,9 +110,10 @@ def export_camera(
             raise InputError(f"{option}: out of range (got {value:g}, expected more than 0).")
     path = None if output is None else Path(output)
     suffix = suffix_of(path, kind)
-    known = load_intrinsics(camera)
+    known = _known(camera)
+    source = known.name if isinstance(camera, (Camera, Intrinsics)) else str(camera)
     if known.problems:
-        reporter.warn(f"{camera}: marked as not to be trusted: {known.problems[0]}")
+        reporter.warn(f"{source}: marked as not to be trusted: {known.problems[0]}")
     if path is not None:
         claim_file(path, force=force)
     made = written(known, kind, suffix, LensfunNames(lens_name, crop_factor, focal_mm))
@@ -119,12 +121,19 @@ def export_camera(
     if fit.lost:
         text = f"{kind.profile.title} cannot hold {', '.join(fit.lost)}: refitted, it differs by {fit.told}"
         if not refit:
-            raise QualityError(f"{camera}: {text}. Leave out --no-refit, or choose another format.")
+            raise QualityError(f"{source}: {text}. Leave out --no-refit, or choose another format.")
         if fit.max_px > max_refit_px:
             raise QualityError(
-                f"{camera}: {text}, more than --max-refit-px {max_refit_px:g}. Raise it, or choose another format."
+                f"{source}: {text}, more than --max-refit-px {max_refit_px:g}. Raise it, or choose another format."
             )
         reporter.warn(f"{text}.")
     if path is not None:
         write_atomically(path, made.content)
     return Exported(made.content, fit.camera, fit.lost, fit.max_px, fit.rms_px)
+
+
+def _known(camera: str | Path | Camera | Intrinsics) -> Intrinsics:
+    """All that is known of a camera, which may have to be read first."""
+    if isinstance(camera, Camera):
+        return Intrinsics(camera)
+    return camera if isinstance(camera, Intrinsics) else load_intrinsics(camera)

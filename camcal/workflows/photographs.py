@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from camcal.errors import CamcalError, InputError
+from camcal.formats.images import find_images
 from camcal.formats.imaging.header import image_size
 from camcal.formats.imaging.pixels import Coding, decode, encode
 from camcal.formats.text import read_bytes
@@ -62,8 +63,18 @@ def places(views: Sequence[ViewRecord], folder: Path, images: str | Path | None 
         A folder in which the photographs are by their names, instead of where the views say.
     """
     if images is not None:
-        return {view.source: Path(images) / view.source for view in views}
+        # Names that text cannot hold are written in escapes, so that they are looked up instead of joined.
+        listed = _by_name(Path(images))
+        return {view.source: listed.get(view.source, Path(images) / view.source) for view in views}
     return {view.source: folder / view.path for view in views if view.path}
+
+
+def _by_name(folder: Path) -> dict[str, Path]:
+    """Images of a folder, by the names that a calibration gives them."""
+    try:
+        return {image.name: image.path for image in find_images([folder]).images}
+    except InputError:
+        return {}
 
 
 def photographs(calibration: Calibration, places: Mapping[str, Path], *, jobs: int | None, reporter: Reporter) -> Shown:

@@ -8,8 +8,9 @@ with r counted in that unit instead of the focal length, which is kept in millim
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -79,10 +80,10 @@ def matches(loaded: Loaded) -> bool:
 def read(loaded: Loaded) -> list[Exchanged]:
     """Read every lens at every focal length that has a distortion, called by both; the image size must be told."""
     lenses = [] if loaded.root is None else [child for child in loaded.root.children if child.tag == "lens"]
-    found = [camera for lens in lenses for camera in _lens_cameras(loaded.name, lens)]
+    found = [(camera, lens) for lens in lenses for camera in _lens_cameras(loaded.name, lens)]
     if not found:
         raise InputError(f"{loaded.name}:1: no lens with a distortion (expected lens/calibration/distortion)")
-    return found
+    return _distinct(found)
 
 
 def write(outgoing: Outgoing) -> str:
@@ -118,6 +119,21 @@ def write(outgoing: Outgoing) -> str:
         f'            <distortion model="poly5" focal="{focal_mm!r}" k1="{k1!r}" k2="{k2!r}"/>\n{real}'
         "        </calibration>\n    </lens>\n</lensdatabase>\n"
     )
+
+
+def _distinct(found: list[tuple[Exchanged, Element]]) -> list[Exchanged]:
+    """Tell lenses of one name apart: by the crop factor of the camera that each was measured on, or by their order."""
+    names = Counter(camera.name for camera, _ in found)
+    cameras = [
+        replace(camera, name=f"{camera.name}, crop {lens.child_text('cropfactor', '1')}") if names[camera.name] > 1 else camera
+        for camera, lens in found
+    ]
+    seen: Counter[str] = Counter()
+    for index, camera in enumerate(cameras):
+        seen[camera.name] += 1
+        if seen[camera.name] > 1:
+            cameras[index] = replace(camera, name=f"{camera.name} ({seen[camera.name]})")
+    return cameras
 
 
 def _lens_cameras(name: str, lens: Element) -> list[Exchanged]:

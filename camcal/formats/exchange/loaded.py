@@ -17,7 +17,9 @@ from camcal.formats.yaml_io import Document, KeyPath, describe, load_yaml
 MOST_BYTES = 64_000_000
 _PROBE_BYTES = 4096
 
-Syntax = Literal["yaml", "json", "xml", "python", "script", "lines", "binary"]
+_YAML_SUFFIXES = (".yaml", ".yml", "")
+
+Syntax = Literal["yaml", "json", "xml", "python", "script", "lines", "binary", "text"]
 # Python writes keys in single quotes and may have comments; JSON has neither.
 _PYTHON = re.compile(r"\{\s*(#[^\n]*\n\s*)*'")
 _SCRIPT = re.compile(r"\b(cameraIntrinsics|cameraParameters)\s*\(")
@@ -34,7 +36,8 @@ class Loaded:
     name : str
         As the user named it.
     syntax : str
-        yaml, json, xml, python (a dict as Python writes it), script (MATLAB's), lines (a table in text) or binary.
+        yaml, json, xml, python (a dict as Python writes it), script (MATLAB's), lines (a table in text), binary, or
+        text if it is none of them.
     content : bytes
     text : str
         Empty for a binary file.
@@ -80,7 +83,19 @@ def load_file(path: str | Path) -> Loaded:
         return Loaded(name, "json", content, text, parse_json(name, text))
     if _TABLE_LINE.match(start) or _SCRIPT.search(text):
         return Loaded(name, "lines" if _TABLE_LINE.match(start) else "script", content, text, empty)
-    return Loaded(name, "yaml", content, text, load_yaml(path))
+    document = _parse_yaml(path)
+    return Loaded(name, "text" if document is None else "yaml", content, text, document or empty)
+
+
+def _parse_yaml(path: str | Path) -> Document | None:
+    """Read YAML; None if the file is none and its name does not say that it is."""
+    try:
+        return load_yaml(path)
+    except InputError:
+        # A text that was never meant to be YAML has no line to correct.
+        if Path(path).suffix.lower() in _YAML_SUFFIXES:
+            raise
+    return None
 
 
 def _parse_python(name: str, text: str) -> Document:

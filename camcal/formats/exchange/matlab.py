@@ -22,6 +22,14 @@ _MATRICES = ("K", "IntrinsicMatrix")
 _CALL = re.compile(r"\b(cameraIntrinsics|cameraParameters)\s*\(")
 # A value in brackets, or a single number.
 _VALUE = r"(\[[^\]]*\]|[-+.0-9][-+.0-9eE]*)"
+# A variable of such a value, and where a word may stand for one: not in quotes, and not the name of an argument.
+_ASSIGNED = re.compile(rf"^[ \t]*([A-Za-z]\w*)[ \t]*=\s*{_VALUE}\s*(?:;|$)", re.MULTILINE)
+_BARE_WORD = re.compile(r"(?<![\w'\".])[A-Za-z]\w*(?![\w'\"])(?!\s*=)")
+# Arguments that are left when the numbers are taken out: by place, or under a name that matters here.
+_UNKNOWN = re.compile(
+    r"\A(?:[\s,]|\[[^\]]*\])*([A-Za-z]\w*\b(?!\s*=))|"
+    r"\b(FocalLength|PrincipalPoint|ImageSize|RadialDistortion|TangentialDistortion|Skew|K|IntrinsicMatrix)\b"
+)
 _NAMED = re.compile(rf"(?:['\"](\w+)['\"]\s*,|\b([A-Za-z]\w*)\s*=)\s*{_VALUE}")
 
 
@@ -29,7 +37,7 @@ def matches(loaded: Loaded) -> bool:
     """Tell whether a file is a script, a MAT file, or has the properties of a camera."""
     if loaded.syntax == "binary":
         return loaded.content.startswith((_MAT_5, _MAT_73))
-    return loaded.syntax == "script" or (loaded.syntax == "json" and _struct_in(loaded.data) is not None)
+    return loaded.syntax == "script" or (loaded.syntax == "json" and bool(_structs_in(loaded.data, "")))
 
 
 def read(loaded: Loaded) -> list[Exchanged]:
@@ -38,10 +46,12 @@ def read(loaded: Loaded) -> list[Exchanged]:
         return [_camera(_script(loaded), "camera")]
     if loaded.syntax == "binary":
         return _mat_cameras(loaded)
-    struct = _struct_in(loaded.data)
-    if struct is None:
+    structs = _structs_in(loaded.data, "")
+    if not structs:
         raise loaded.document.error((), f"no camera (expected keys such as {', '.join(_POSITIONAL)}, or K)")
-    return [_camera(Document(loaded.name, struct, loaded.document.lines), "camera")]
+    names = structs if len(structs) > 1 else ("camera",)
+    found = zip(names, structs.values(), strict=True)
+    return [_camera(Document(loaded.name, struct, loaded.document.lines), name) for name, struct in found]
 
 
 def write(outgoing: Outgoing) -> str:
@@ -67,32 +77,49 @@ def write(outgoing: Outgoing) -> str:
     )
 
 
-def _struct_in(data: dict[str, Any]) -> dict[str, Any] | None:
-    """Find the properties of a camera, also where they stand one level down, as in cameraParameters."""
-    if "FocalLength" in data or any(name in data and "RadialDistortion" in data for name in _MATRICES):
-        return data
-    if "MappingCoefficients" in data:
-        return data
-    inner = (value for value in data.values() if isinstance(value, dict))
-    return next((found for value in inner if (found := _struct_in(value)) is not None), None)
+def _structs_in(data: dict[str, Any], name: str) -> dict[str, dict[str, Any]]:
+    """Find the properties of cameras by name, also further down: of one, or of the two in stereoParameters."""
+    if _is_camera(data):
+        return {name: data}
+    found: dict[str, dict[str, Any]] = {}
+    for key, value in data.items():
+        if isinstance(value, dict):
+            found |= _structs_in(value, f"{name}.{key}" if name else key)
+    return found
+
+
+def _is_camera(data: dict[str, Any]) -> bool:
+    """Whether these are the properties of a camera, fisheyes included."""
+    return bool({"FocalLength", "MappingCoefficients"} & data.keys()) or (
+        "RadialDistortion" in data and any(name in data for name in _MATRICES)
+    )
 
 
 def _script(loaded: Loaded) -> Document:
     """Take the arguments of the first call apart."""
-    text = re.sub(r"%[^\n]*", "", loaded.text)
+    # What follows three dots is a comment too, and the line goes on.
+    text = re.sub(r"%[^\n]*|\.\.\.[^\n]*", " ", loaded.text)
     call = _CALL.search(text)
     if call is None:
         raise InputError(f"{loaded.name}:1: no call of cameraIntrinsics or cameraParameters")
     line = text.count("\n", 0, call.start()) + 1
     arguments = text[call.end() :]
     end = arguments.find(")")
-    arguments = arguments[: end if end >= 0 else None].replace("...", " ")
+    arguments = arguments[: end if end >= 0 else None]
+    variables = dict(_ASSIGNED.findall(text[: call.start()]))
+    arguments = _BARE_WORD.sub(lambda word: variables.get(word[0], word[0]), arguments)
     named = list(_NAMED.finditer(arguments))
-    plain = re.findall(r"\[[^\]]*\]", arguments[: named[0].start()] if named else arguments)
+    rest = _NAMED.sub("", arguments)
+    plain = re.findall(r"\[[^\]]*\]", rest)
     values = dict(zip(_POSITIONAL, plain, strict=False)) if call[1] == "cameraIntrinsics" else {}
     values |= {match[1] or match[2]: match[3] for match in named}
     data = {name: [resolve(word) for word in re.split(r"[\s,;\[\]]+", value) if word] for name, value in values.items()}
-    return Document(loaded.name, data, {(): line} | {(name,): line for name in data})
+    document = Document(loaded.name, data, {(): line} | {(name,): line for name in data})
+    unknown = _UNKNOWN.search(rest)
+    if unknown:
+        problem = "not numbers, nor a variable that is given some above (expected such as [800 810]). Write them out."
+        raise document.error((unknown[1] or unknown[2],), problem)
+    return document
 
 
 def _mat_cameras(loaded: Loaded) -> list[Exchanged]:
@@ -101,7 +128,10 @@ def _mat_cameras(loaded: Loaded) -> list[Exchanged]:
         raise InputError(f"{loaded.name}: a MAT file of version 7.3 (expected version 7). Save it with: save(..., '-v7')")
     variables = parse_mat(loaded.name, loaded.content)
     structs = {name: value for name, value in variables.items() if isinstance(value, dict)}
-    found = {name: inner for name, struct in structs.items() if (inner := _struct_in(struct)) is not None}
+    found: dict[str, dict[str, Any]] = {}
+    for name, struct in structs.items():
+        inner = _structs_in(struct, name)
+        found |= inner if len(inner) > 1 else dict.fromkeys([name] * len(inner), *inner.values())
     if not found:
         raise InputError(
             f"{loaded.name}: no camera struct (got {', '.join(filter(None, variables)) or 'only objects'}). "

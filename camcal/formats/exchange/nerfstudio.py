@@ -27,7 +27,7 @@ PROFILE = Profile("nerfstudio", "nerfstudio's transforms.json", (("k1", "k2", "p
 
 _MODELS = ("OPENCV", "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL")
 _HALF = 0.5
-_KEYS = ("camera_model", "fl_x", "fl_y", "cx", "cy", "w", "h", "k1", "k2", "k3", "k4", "p1", "p2")
+_KEYS = ("camera_model", "is_fisheye", "fl_x", "fl_y", "cx", "cy", "w", "h", "k1", "k2", "k3", "k4", "p1", "p2")
 
 
 class _Entry(Schema):
@@ -36,6 +36,8 @@ class _Entry(Schema):
     model_config = ConfigDict(extra="ignore")
 
     camera_model: str = "OPENCV"
+    is_fisheye: bool = False
+    """instant-ngp's way to say it."""
     fl_x: Positive
     fl_y: Positive | None = None
     cx: Number
@@ -93,6 +95,8 @@ def _camera(document: Document, path: KeyPath, name: str, values: dict[str, Any]
     where = document if "camera_model" in document.data else part
     if entry.camera_model not in _MODELS:
         return faulty(where, ("camera_model",), name, fisheye_problem(entry.camera_model, " or ".join(_MODELS)))
+    if entry.is_fisheye:
+        return faulty(where, (*path, "is_fisheye"), name, fisheye_problem(True, "false"))
     pinhole = Pinhole(entry.fl_x, entry.fl_y or entry.fl_x, entry.cx - _HALF, entry.cy - _HALF)
     size = entry.w, entry.h
     camera = checked(part, path, Exchanged(name, pinhole, (entry.k1, entry.k2, entry.p1, entry.p2, entry.k3), size))

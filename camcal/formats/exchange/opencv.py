@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
 from xml.sax.saxutils import escape
 
@@ -28,7 +29,13 @@ from camcal.formats.yaml_plain import float_text
 PROFILE = Profile("opencv", "OpenCV's FileStorage", (COEFFICIENTS[:5], COEFFICIENTS), (".yaml", ".yml", ".xml", ".json"))
 
 _K_NAMES = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "intrinsic_matrix", "mtx", "K", "k")
-_DIST_NAMES = ("distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "dist_coeffs", "dist", "D", "d")
+_DIST_NAMES = (
+    *("distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "dist_coeffs", "dist_coeff", "dist_coefs"),
+    *("distCoeff", "distortion_coeffs", "distortionCoefficients", "distortion", "dist", "D", "d"),
+)
+# Keys that may mean a distortion, and those of them that do not.
+_LIKE_DIST = re.compile(r"dist(?!ance)|coef", re.IGNORECASE)
+_NOT_DIST = re.compile(r"model|std|error|dev", re.IGNORECASE)
 _SIDES = (("image_width", "image_height"), ("image_Width", "image_Height"), ("width", "height"), ("w", "h"))
 _SIZES = ("cameraResolution", "image_size", "imageSize", "size", "resolution")
 # What stereo samples write for the left and the right camera.
@@ -54,7 +61,7 @@ def read(loaded: Loaded) -> list[Exchanged]:
     single = next((name for name in _K_NAMES if name in data), None)
     if single is not None:
         name = str(data.get("camera_name") or "camera")
-        return [_camera(document, name, single, next((d for d in _DIST_NAMES if d in data), None))]
+        return [_camera(document, name, single, _dist_key(document))]
     pairs = [pair for pair in _PAIRS if pair[0] in data]
     if not pairs:
         raise document.error((), f"no camera matrix (expected a key such as {', '.join(_K_NAMES[:2])} or K)")
@@ -113,9 +120,12 @@ def _camera(document: Document, name: str, K_key: str, dist_key: str | None) -> 
     """Read one camera; one with another lens model is faulty."""
     data = document.data
     model = data.get("distortion_model", "")
-    if data.get("fisheye_model") in (1, True, "1") or (isinstance(model, str) and model.lower() in FISHEYES):
-        key = "fisheye_model" if "fisheye_model" in data else "distortion_model"
-        return faulty(document, (key,), name, fisheye_problem(model or "fisheye", "plumb_bob or rational_polynomial"))
+    if data.get("fisheye_model") in (1, True, "1"):
+        return faulty(document, ("fisheye_model",), name, fisheye_problem("fisheye", "plumb_bob or rational_polynomial"))
+    # Old files of ROS call it camera_model, under which others keep the name of a product.
+    for key in ("distortion_model", "camera_model"):
+        if str(data.get(key, "")).lower() in FISHEYES:
+            return faulty(document, (key,), name, fisheye_problem(data[key], "plumb_bob or rational_polynomial"))
     if model not in _LENS_MODELS:
         return faulty(document, ("distortion_model",), name, fisheye_problem(model, "plumb_bob or rational_polynomial"))
     K = numbers(document, (K_key,), (9,))
@@ -124,10 +134,23 @@ def _camera(document: Document, name: str, K_key: str, dist_key: str | None) -> 
         extra = "thin-prism" if any(dist[8:12]) else "tilt"
         return faulty(document, (str(dist_key),), name, f"{extra} coefficients (expected 0): camcal's lens has none")
     fx, skew, cx, zero, fy, cy, *last = K
+    if not any(K):
+        raise document.error((K_key,), "all zeros (expected fx, fy, cx, cy): this camera has not been calibrated")
     if zero != 0 or last != [0, 0, 1]:
         problem = f"not an intrinsic matrix (got {describe(K)}, expected [fx, s, cx, 0, fy, cy, 0, 0, 1])"
         raise document.error((K_key,), problem)
     return checked(document, (K_key,), Exchanged(name, Pinhole(fx, fy, cx, cy, skew), tuple(dist[:8]), _size(document)))
+
+
+def _dist_key(document: Document) -> str | None:
+    """Find the distortion coefficients; None if the camera has none."""
+    known = next((name for name in _DIST_NAMES if name in document.data), None)
+    if known is None:
+        like = [name for name in document.data if _LIKE_DIST.search(name) and not _NOT_DIST.search(name)]
+        if like:
+            # Who passes over coefficients under another name has another camera.
+            raise document.error((like[0],), f"unknown name (expected {', '.join(_DIST_NAMES[:3])} or D). Rename it.")
+    return known
 
 
 def _size(document: Document) -> tuple[int, int] | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -34,12 +35,13 @@ def read_any(path: str | Path) -> Intrinsics:
     file, choice = split_choice(path)
     _, cameras = read_cameras(file)
     camera = chosen(file, cameras, choice, how=f"Name one: {file}#NAME")
+    named = shlex.quote(str(path))
     if camera.sized is not None or camera.size is None:
-        raise InputError(f"{file}: no image size in this file. Tell it: camcal import {file} --size WxH -o camera.yaml")
+        raise InputError(f"{file}: no image size in this file. Tell it: camcal import {named} --size WxH -o camera.yaml")
     if camera.foreign is not None:
         raise InputError(
             f"{file}: {camera.foreign.name} is not camcal's lens, to which it can be refitted. "
-            f"Run: camcal import {file} -o camera.yaml"
+            f"Run: camcal import {named} -o camera.yaml"
         )
     return camera.intrinsics()
 
@@ -97,6 +99,10 @@ def chosen(file: Path, cameras: Sequence[Exchanged], choice: str | None, *, how:
         raise InputError(f"{file}: several cameras (got {listed}, expected one). {how}")
     if choice is not None and choice not in names:
         raise InputError(f"{file}: no camera {choice!r} (got {listed}).{did_you_mean(choice, names)}")
+    if choice is not None and names.count(choice) > 1:
+        raise InputError(
+            f"{file}: {names.count(choice)} cameras are called {choice!r} (expected one). Rename them in the file."
+        )
     camera = cameras[0] if choice is None else cameras[names.index(choice)]
     if camera.fault is not None:
         raise camera.fault

@@ -16,8 +16,10 @@ _STEPS = 50
 _CONVERGED_PX = 1e-9
 _TABLE = 20_000
 _DENOMINATOR = ("k4", "k5", "k6")
-# Coefficients of our own lens that a foreign one is fitted with.
-_OWN = ("k1", "k2", "k3")
+# Coefficients of our own lens that a foreign one is fitted with, simplest first: a denominator follows odd powers of r far
+# better, but fewer other tools hold it, and not every lens keeps the larger ones from turning back.
+_OWN = (("k1", "k2", "k3"), ("k1", "k2", "k3", "k4"), ("k1", "k2", "k3", "k4", "k5", "k6"))
+_CLOSE_PX = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +83,9 @@ def refitted(camera: Camera, profile: Profile) -> Refit:
 
 
 def from_foreign(camera: Camera, foreign: ForeignLens) -> Refit:
-    """Return the camera of camcal's own lens that is nearest to one with a foreign radial lens.
+    """Return the camera of camcal's own lens that stands for one with a foreign radial lens.
+
+    It has the fewest coefficients that come within 0.01 px of it all over the image, or else those that come nearest.
 
     Parameters
     ----------
@@ -110,8 +114,19 @@ def from_foreign(camera: Camera, foreign: ForeignLens) -> Refit:
     # The table's rounding moves the points, not the answer: they are sent through the foreign lens exactly.
     seen = camera.pixels_from_normalised(direction * foreign.distort(radius)[:, None])
     one_focal = bool(camera.K[0, 0] == camera.K[1, 1])
-    fitted = _fit(rays, seen, camera, _OWN, skew=False, one_focal=one_focal)
-    return _measured(fitted, rays, seen, (foreign.name,), "camcal")
+    fits: list[Refit] = []
+    faults: list[QualityError] = []
+    for free in _OWN:
+        fitted = _fit(rays, seen, camera, free, skew=False, one_focal=one_focal)
+        try:
+            fits.append(_measured(fitted, rays, seen, (foreign.name,), "camcal"))
+        except QualityError as error:
+            faults.append(error)
+        if fits and fits[-1].max_px <= _CLOSE_PX:
+            break
+    if not fits:
+        raise faults[0]
+    return min(fits, key=lambda fit: fit.max_px)
 
 
 def _grid(size: tuple[int, int]) -> FloatArray:

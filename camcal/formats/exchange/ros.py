@@ -15,7 +15,9 @@ def matches(loaded: Loaded) -> bool:
     data = loaded.data
     if loaded.syntax != "yaml":
         return False
-    return "camcal" in data or ("distortion_model" in data and not {"K", "k"} & data.keys())
+    # Messages, and the bare lists that some write by hand, are read with OpenCV's names.
+    bare = {"K", "k"} & data.keys() or isinstance(data.get("distortion_coefficients"), list)
+    return "camcal" in data or ("distortion_model" in data and not bare)
 
 
 def read(loaded: Loaded) -> list[Exchanged]:

@@ -34,3 +34,8 @@ class Metadata:
     comments: tuple[str, ...] = ()
     dots_per_metre: tuple[float, float] | None = None
     others: tuple[str, ...] = ()
+
+    def names(self) -> list[str]:
+        """Name what there is that has a place in many formats, but for the resolution."""
+        blocks = {"EXIF": self.exif, "XMP": self.xmp, "colour profile": self.icc, "comments": self.comments}
+        return [name for name, block in blocks.items() if block]

@@ -12,7 +12,6 @@ import cv2
 from camcal.errors import InputError
 from camcal.formats.imaging.kinds import image_format, kind_of
 from camcal.formats.imaging.pixels import JPEG_EXTENSIONS, Coding, quiet
-from camcal.observations import Image
 
 GOOD_QUALITY = 95
 """Quality of lossy formats where neither the user nor the source asks for more."""
@@ -44,7 +43,7 @@ def refuse_loss(path: Path, content: bytes) -> None:
         )
 
 
-def expansions(path: Path, content: bytes, image: Image) -> list[str]:
+def expansions(path: Path, content: bytes) -> list[str]:
     """Say what became of pixels when they were decoded, where they are not stored as they are now.
 
     Parameters
@@ -52,8 +51,6 @@ def expansions(path: Path, content: bytes, image: Image) -> list[str]:
     path : Path
     content : bytes
         Of the file.
-    image : ndarray
-        Its pixels.
 
     Returns
     -------
@@ -68,7 +65,7 @@ def expansions(path: Path, content: bytes, image: Image) -> list[str]:
     module = kind_of(content)
     if module:
         found += module.expansions(content)
-    elif kind == "gif" or (kind == "bmp" and content[28] <= 8 and image.ndim == 3):
+    elif kind == "gif":
         found.append("palette image: written with full colours, because colours in between are not in the palette")
     elif kind == "netpbm":
         found += _map_expansions(content)
@@ -107,7 +104,7 @@ def _like_jpeg(content: bytes) -> Coding:
     from camcal.formats.imaging.jpeg_header import jpeg_header
 
     header = jpeg_header(content)
-    return Coding(max(GOOD_QUALITY, header.quality), header.subsampling) if header else Coding()
+    return Coding(max(GOOD_QUALITY, header.quality), header.subsampling, header.is_progressive) if header else Coding()
 
 
 def _like_tiff(content: bytes) -> Coding:

@@ -13,7 +13,7 @@ __all__ = ["MOST_PIXELS", "image_defect", "image_format", "image_size", "refuse_
 MOST_PIXELS = 400_000_000
 """Pixels of an image beyond which it is taken for a trap, unless the user allows more."""
 
-# Text headers stand at the front; the boxes of JPEG 2000 and AVIF may come after some metadata.
+# Text headers stand at the front; the boxes of AVIF may come after some metadata.
 _TEXT_BYTES = 4096
 _BOX_BYTES = 1 << 20
 
@@ -46,9 +46,10 @@ def refuse_bomb(path: object, content: bytes, most_pixels: int) -> None:
     """
     size = image_size(content)
     if size and size[0] * size[1] > most_pixels:
+        most = f"{most_pixels / 1e6:g} million" if most_pixels >= 1e6 else str(most_pixels)
         raise InputError(
-            f"{path}: too many pixels (got {size[0]}x{size[1]}, expected at most {most_pixels / 1e6:g} million). "
-            "Raise the limit if the image is what it should be."
+            f"{path}: too many pixels (got {size[0]}x{size[1]}, expected at most {most}). "
+            "If the image is what it should be, raise the limit (--most-pixels of undistort, most_pixels in Python)."
         )
 
 
@@ -57,10 +58,10 @@ def _size(content: bytes) -> tuple[int, int] | None:
     kind, name = kind_of(content), image_format(content)
     if kind:
         return kind.size(content)
-    place = {"bmp": ("<ii", 18), "gif": ("<HH", 6), "sun": (">II", 4)}.get(name or "")
+    place = {"gif": ("<HH", 6), "sun": (">II", 4)}.get(name or "")
     if place:
         return _pair(content, *place)
-    if name in {"avif", "jpeg 2000"}:
+    if name == "avif":
         return _size_in_boxes(content[:_BOX_BYTES])
     return _size_in_text(name, content[:_TEXT_BYTES])
 
@@ -81,16 +82,12 @@ def _size_in_text(kind: str | None, start: bytes) -> tuple[int, int] | None:
 
 
 def _size_in_boxes(start: bytes) -> tuple[int, int] | None:
-    """Find the largest size that the boxes of a JPEG 2000 or AVIF file state (ISO/IEC 15444-1 I.5.3.1, 23008-12 6.5.3)."""
-    if start.startswith(b"\xff\x4f\xff\x51"):
-        right, bottom, left, top = struct.unpack_from(">IIII", start, 8)
-        return right - left, bottom - top
-    sizes = [_pair(start, ">II", found.end())[::-1] for found in re.finditer(rb"ihdr", start)][:1]
-    sizes += [_pair(start, ">II", found.end() + 4) for found in re.finditer(rb"ispe", start)]
+    """Find the largest size that the boxes of an AVIF file state (ISO/IEC 23008-12, 6.5.3)."""
+    sizes = [_pair(start, ">II", found.end() + 4) for found in re.finditer(rb"ispe", start)]
     return max(sizes, key=lambda size: size[0] * size[1]) if sizes else None
 
 
 def _pair(content: bytes, layout: str, offset: int) -> tuple[int, int]:
-    """Read two whole numbers; a height below 0 says which row of a BMP comes first."""
+    """Read two whole numbers."""
     first, second = struct.unpack_from(layout, content, offset)
-    return abs(first), abs(second)
+    return first, second

@@ -133,7 +133,7 @@ def _put_in(encoded: bytes, segments: Iterable[Segment]) -> bytes:
     """Put segments at the front of an encoded JPEG, in place of those that its encoder wrote beside the pixels."""
     own, scan = split_jpeg(encoded)
     coding = (segment for segment in own if not is_beside_pixels(segment))
-    return b"".join([START_MARK, *(segment.to_bytes() for segment in (*segments, *coding)), encoded[scan:]])
+    return b"".join([START_MARK, *(segment.to_bytes() for segment in (*segments, *coding)), memoryview(encoded)[scan:]])
 
 
 def _jfif(dots_per_metre: tuple[float, float] | None) -> Segment:

@@ -12,6 +12,8 @@ import numpy as np
 
 from camcal.formats.imaging.jpeg_segments import ADOBE, FRAMES, TABLES, Segment, split_jpeg
 
+# Marks of their frames, by whether entropy is coded after Huffman or arithmetically.
+_PROGRESSIVE = (0xC2, 0xCA)
 # Luminance steps of T.81, table K.1, from which libjpeg derives those of every quality; their order does not matter here.
 _STANDARD_STEPS = np.array(
     [
@@ -108,6 +110,11 @@ class JpegHeader:
     factors: tuple[tuple[int, int], ...]
     colour: str
     quality: int
+
+    @property
+    def is_progressive(self) -> bool:
+        """Whether it comes in scans that grow finer and finer."""
+        return self.frame in _PROGRESSIVE
 
     @property
     def subsampling(self) -> tuple[int, int]:

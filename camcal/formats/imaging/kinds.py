@@ -41,7 +41,7 @@ if TYPE_CHECKING:
             """Give an encoded image metadata of another format; also say what stays behind."""
 
 
-_MODULES = frozenset({"jpeg", "png", "tiff", "webp"})
+_MODULES = frozenset({"bmp", "jpeg", "jpeg 2000", "png", "tiff", "webp"})
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 JPEG_SIGNATURE = b"\xff\xd8\xff"
@@ -81,4 +81,4 @@ def kind_of(content: bytes) -> Kind | None:
 @lru_cache
 def _module(name: str) -> Kind:
     """Import a module once."""
-    return cast("Kind", import_module(f"camcal.formats.imaging.{name}"))
+    return cast("Kind", import_module(f"camcal.formats.imaging.{name.replace(' ', '')}"))

@@ -63,12 +63,15 @@ class Coding:
         1 to 100, for formats that lose something; None is 95 for JPEG, and WebP without loss.
     subsampling : tuple of int
         Pixels per sample of chrominance along x and y, for JPEG.
+    progressive : bool
+        Whether a JPEG comes in scans that grow finer and finer.
     tiff_compression : int or None
         TIFF's number of a compression without loss; None leaves it to OpenCV (LZW).
     """
 
     quality: int | None = None
     subsampling: tuple[int, int] = (1, 1)
+    progressive: bool = False
     tiff_compression: int | None = None
 
 
@@ -130,7 +133,12 @@ def decode_into(path: Path, content: bytes, buffer: Image | None) -> tuple[Image
     image = _read_in_place(path, buffer) if kind in _READ_IN_PLACE else None
     if image is None:
         image = _decoded(path, content, AS_STORED)
-    return _checked(path, content, image), []
+    image = _checked(path, content, image)
+    if kind == "png":
+        from camcal.formats.imaging.png import with_transparent_grey
+
+        image = with_transparent_grey(content, image)
+    return image, []
 
 
 def _read_in_place(path: Path, buffer: Image | None) -> Image | None:
@@ -217,7 +225,8 @@ def _options(extension: str, coding: Coding) -> list[int]:
     if extension in JPEG_EXTENSIONS:
         sampling = _SAMPLINGS.get(coding.subsampling, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444)
         quality = [] if coding.quality is None else [cv2.IMWRITE_JPEG_QUALITY, coding.quality]
-        return [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, sampling, *quality]
+        progressive = [cv2.IMWRITE_JPEG_PROGRESSIVE, 1] if coding.progressive else []
+        return [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, sampling, *quality, *progressive]
     if extension == ".webp":
         return [cv2.IMWRITE_WEBP_QUALITY, _LOSSLESS_WEBP if coding.quality is None else coding.quality]
     if extension == ".jp2":

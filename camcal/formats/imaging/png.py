@@ -9,9 +9,15 @@ import struct
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from camcal.formats.imaging.blocks import Metadata
 from camcal.formats.imaging.kinds import PNG_SIGNATURE
+
+if TYPE_CHECKING:
+    from camcal.observations import Image
 
 _LONGEST_PROFILE = 64_000_000
 _LONGEST_TEXT = 8_000_000
@@ -107,9 +113,35 @@ def expansions(content: bytes) -> list[str]:
     if header.bits < 8:
         found.append(f"{header.bits}-bit image: written with 8 bits")
     if header.colour in {_GREY, _COLOUR} and any(kind == b"tRNS" for kind, *_ in _places(content)):
-        channel = "not carried over" if header.colour == _GREY else "written as an alpha channel"
-        found.append(f"one pixel value of it is transparent: {channel}")
+        grey = "colour with " if header.colour == _GREY else ""
+        found.append(f"one pixel value of it is transparent: written as {grey}an alpha channel")
     return found
+
+
+def with_transparent_grey(content: bytes, image: Image) -> Image:
+    """Give the decoded pixels of a PNG an alpha channel if one of its grey values is transparent, as OpenCV does with colours.
+
+    Parameters
+    ----------
+    content : bytes
+    image : ndarray of shape (height, width)
+        uint8 or uint16; or anything else, which is returned as it is.
+
+    Returns
+    -------
+    ndarray of shape (height, width, 4)
+        BGRA: the same value in each colour.
+    """
+    header = png_header(content)
+    if header.colour != _GREY or image.ndim != 2:
+        return image
+    value = next((int.from_bytes(content[end - 6 : end - 4]) for kind, _, end in _places(content) if kind == b"tRNS"), None)
+    if value is None:
+        return image
+    full = np.iinfo(image.dtype).max
+    if header.bits < 8:
+        value = value * full // ((1 << header.bits) - 1)
+    return np.dstack([image, image, image, np.where(image == value, 0, full).astype(image.dtype)])
 
 
 def with_metadata_of(source: bytes, encoded: bytes, note: str) -> tuple[bytes, list[str]]:
@@ -133,7 +165,7 @@ def with_metadata_of(source: bytes, encoded: bytes, note: str) -> tuple[bytes, l
             kept.append(chunk)
         elif chunk.kind not in _PER_CHANNEL | {b"hIST", b"iDOT"}:
             left_behind.append(f"chunk {chunk.kind.decode('latin-1')}")
-    return _put_in(encoded, [*kept, *_comments(note)]), left_behind
+    return _put_in(encoded, [*kept, *_comments(note)]), [*left_behind, *_behind(source)]
 
 
 def metadata(content: bytes) -> Metadata:
@@ -158,7 +190,7 @@ def metadata(content: bytes) -> Metadata:
         icc=_inflated(profile.partition(b"\0")[2][1:], _LONGEST_PROFILE) or None if profile else None,
         comments=tuple(texts),
         dots_per_metre=(int.from_bytes(scale[:4]), int.from_bytes(scale[4:8])) if scale[8:] == _PER_METRE else None,
-        others=tuple(f"chunk {name}" for name in sorted(others)),
+        others=(*(f"chunk {name}" for name in sorted(others)), *_behind(content)),
     )
 
 
@@ -212,6 +244,12 @@ def _places(content: bytes) -> Iterator[tuple[bytes, int, int]]:
 def _beside(content: bytes) -> list[Chunk]:
     """Chunks that are not needed to decode pixels."""
     return [Chunk(kind, content[start:end]) for kind, start, end in _places(content) if kind not in _CODING]
+
+
+def _behind(content: bytes) -> list[str]:
+    """Name what stands behind the last chunk, if it is more than padding."""
+    end = max((end for _, _, end in _places(content)), default=len(content))
+    return ["what follows the picture in its file"] if content[end:].strip(b"\0") else []
 
 
 def _put_in(encoded: bytes, chunks: Sequence[Chunk]) -> bytes:

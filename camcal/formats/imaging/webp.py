@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from camcal.formats.imaging.blocks import Metadata
 from camcal.formats.imaging.tiff_tags import exif_of
+from camcal.formats.imaging.xmp import xmp_of
 
 _CODING = frozenset({b"VP8X", b"VP8 ", b"VP8L", b"ALPH", b"ANIM", b"ANMF"})
 _PROFILE_FLAG, _ALPHA_FLAG, _EXIF_FLAG, _XMP_FLAG, _ANIMATION_FLAG = 0x20, 0x10, 0x08, 0x04, 0x02
@@ -97,14 +98,17 @@ def with_metadata(encoded: bytes, described: Metadata, note: str) -> tuple[bytes
     """
     blocks = {b"ICCP": described.icc, b"EXIF": described.exif, b"XMP ": described.xmp}
     chunks = [Chunk(kind, block) for kind, block in blocks.items() if block]
-    return _with_note(_put_in(encoded, chunks), ["comments"] if described.comments else [], note)
+    lost = {"comments": described.comments, "resolution": described.dots_per_metre and not described.exif}
+    return _with_note(_put_in(encoded, chunks), [name for name, block in lost.items() if block], note)
 
 
 def _with_note(encoded: bytes, left_behind: list[str], note: str) -> tuple[bytes, list[str]]:
-    """Add a note: WebP has no comments, so as EXIF, unless there is some already, which stays as it is."""
-    if metadata(encoded).exif:
-        return encoded, [*left_behind, "a note of the correction (the file has its own EXIF)"]
-    return _put_in(encoded, [Chunk(b"EXIF", exif_of(note))]), left_behind
+    """Add a note: WebP has no comments, so as EXIF or else as XMP, but for those that are there, which stay as they are."""
+    there = metadata(encoded)
+    if there.exif and there.xmp:
+        return encoded, [*left_behind, "a note of the correction (the file has EXIF and XMP of its own)"]
+    chunk = Chunk(b"XMP ", xmp_of(note)) if there.exif else Chunk(b"EXIF", exif_of(note))
+    return _put_in(encoded, [chunk]), left_behind
 
 
 def _split(content: bytes) -> Iterator[Chunk]:

@@ -28,7 +28,7 @@ MOST_SHOWN = 2500
 """Of more residuals a sample that is spread evenly over all views is shown."""
 
 SIGNIFICANT_SIGMAS = 3.5
-"""A region's mean beyond so many standard deviations is no noise."""
+"""A region's mean beyond so many standard deviations is more than noise."""
 
 _FEWEST_IN_A_REGION = 5
 _ROOM_SHARE, _REGION_ROOM_SHARE = 0.055, 0.075
@@ -51,7 +51,10 @@ def draw(record: Record, style: Style) -> Figure:
 def caption(record: Record) -> str:
     """Say what good looks like, and how many regions are off."""
     places, means, sigmas = region_means(record.calibration)
-    good = "Good: arrows in every direction, and no pattern; on the right, arrows that stay within their circles."
+    good = (
+        "Good: arrows in every direction, and no pattern; on the right, arrows that stay within their circles. An arrow points "
+        "the way in which a corner was seen beside where the camera model expects it."
+    )
     if not len(places):
         return good
     off = int((np.linalg.norm(means, axis=1) > SIGNIFICANT_SIGMAS * sigmas).sum())
@@ -59,14 +62,14 @@ def caption(record: Record) -> str:
     if not off:
         return f"{good} Here the means are noise, none over {largest} px."
     return (
-        f"{good} Here the mean of {off} of {len(places)} regions is no noise (up to {largest} px): the lens model does not "
-        "follow the lens there, or the board is not as it should be."
+        f"{good} Here the mean of {off} of {len(places)} regions is more than noise (in red, up to {largest} px): the lens "
+        "model does not follow the lens there, or the board is not as it should be."
     )
 
 
-def shown_rows(count: int) -> slice:
+def shown_rows(count: int, most: int = MOST_SHOWN) -> slice:
     """Return which of so many residuals are shown: every n-th."""
-    return slice(None, None, -(-count // MOST_SHOWN))
+    return slice(None, None, -(-count // most))
 
 
 def region_means(calibration: Calibration) -> tuple[FloatArray, FloatArray, FloatArray]:

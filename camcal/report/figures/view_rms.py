@@ -39,7 +39,7 @@ def draw(record: Record, style: Style) -> Figure:
     axes.set_xlim(-0.7, rms.size - 0.3)
     axes.set_ylim(0, _HEADROOM * float(rms.max()) or 1.0)
     if rms.size <= _MOST_NAMED:
-        names = [_short(record.calibration.detections[index].source) for index in order]
+        names = [short_name(record.calibration.detections[index].source) for index in order]
         axes.set_xticks(np.arange(rms.size), names, rotation=90 if rms.size > _FEW else 0)
         axes.set_xlabel("")
     key = [
@@ -77,6 +77,6 @@ def _colour(rms_px: float, median_px: float, style: Style) -> str:
     return style.notable if rms_px > NOTABLE * median_px else style.plain
 
 
-def _short(name: str) -> str:
+def short_name(name: str, longest: int = _LONGEST_NAME) -> str:
     """Leave out a long name's beginning."""
-    return name if len(name) <= _LONGEST_NAME else "…" + name[1 - _LONGEST_NAME :]
+    return name if len(name) <= longest else "…" + name[1 - longest :]

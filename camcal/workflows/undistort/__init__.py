@@ -14,7 +14,7 @@ from camcal.observations import Intrinsics
 from camcal.workflows.inputs import Inputs, as_paths
 from camcal.workflows.reporting import LogReporter, Reporter
 from camcal.workflows.undistort.companions import Companions, camera_of_results
-from camcal.workflows.undistort.geometry import Cameras, Geometry, share_past_fold
+from camcal.workflows.undistort.geometry import Cameras, Geometry, share_blind, share_past_fold
 from camcal.workflows.undistort.image import ImageOptions
 from camcal.workflows.undistort.inputs import Source, Sources, find_sources
 from camcal.workflows.undistort.options import FileChoice, refuse_for_points
@@ -24,6 +24,8 @@ from camcal.workflows.undistort.run import Run, Undistortion
 from camcal.workflows.undistort.work import Setting
 
 __all__ = ["Undistortion", "undistort", "undistort_found"]
+
+_MOST_BLIND = 0.5
 
 
 def undistort(
@@ -183,6 +185,7 @@ def undistort(
     refuse_lost_cameras(place, (camera, target))
     cameras = _cameras(geometry, known.camera, found.files, most_pixels)
     _warn_of_fold(camera, known.camera, geometry, reporter)
+    _warn_of_blindness(place, cameras, geometry, reporter)
     has_videos = any(file.is_video for file in found.files)
     video_options = choice.video_options(jobs or 0) if has_videos else None
     setting = Setting(cameras, image_options, video_options, exact, distort)
@@ -233,6 +236,16 @@ def _warn_of_fold(path: str | Path, camera: Camera, geometry: Geometry, reporter
     if share > 0:
         where = f"its lens model folds {camera.valid_radius_px:.0f} px from the principal point"
         reporter.warn(f"{path}: {where}; what lies farther out, {share:.1%} of the image, cannot be shown.")
+
+
+def _warn_of_blindness(place: Place, cameras: Cameras, geometry: Geometry, reporter: Reporter) -> None:
+    """Say if most of each result is going to be empty."""
+    share = share_blind(cameras) if geometry.shows_all else 0.0
+    if share > _MOST_BLIND:
+        advice = "Show less around it (smaller --alpha or --fov), or leave out what is empty with --crop valid."
+        if geometry.target is not None or geometry.distort:
+            advice = "Check that the two cameras belong together."
+        reporter.warn(f"{place.file or place.folder}: {share:.1%} of each result sees nothing of its source. {advice}")
 
 
 def _cameras(geometry: Geometry, camera: Camera, files: Sequence[Source], most_pixels: int) -> Cameras:

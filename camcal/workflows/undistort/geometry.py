@@ -10,6 +10,7 @@ import numpy as np
 
 from camcal.errors import InputError
 from camcal.formats.camera_file import load_intrinsics
+from camcal.undistortion.frames import sees_source
 from camcal.undistortion.maps import UndistortMap, undistort_map
 from camcal.undistortion.sizes import rescaled_camera
 from camcal.undistortion.target import target_camera
@@ -91,6 +92,13 @@ def share_past_fold(camera: Camera) -> float:
     u, v = (np.linspace(0, side - 1, _NODES) for side in camera.size)
     rays = camera.unproject(np.stack(np.meshgrid(u, v), axis=-1))
     return float(np.isnan(rays[..., 0]).mean())
+
+
+def share_blind(cameras: Cameras) -> float:
+    """Share of the pixels of a target that see nothing of the source, to about a hundredth."""
+    u, v = (np.linspace(0, side - 1, _NODES) for side in cameras.target.size)
+    rays = cameras.target.unproject(np.stack(np.meshgrid(u, v), axis=-1))
+    return float(1 - sees_source(cameras.source, rays[..., :2]).mean())
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -135,7 +135,7 @@ def _decoded(path: Path, content: bytes) -> tuple[Image, list[str]]:
     """Decode into this thread's memory; also say what of it is not as it was stored."""
     image, warnings = decode_into(path, content, getattr(_memory, "decoded", None))
     _memory.decoded = image
-    return image, warnings + expansions(path, content, image)
+    return image, warnings + expansions(path, content)
 
 
 def _spread(image: Image, interpolation: str) -> list[str]:

@@ -169,15 +169,13 @@ class _Search:
             self._reject(path, error)
 
     def _add_named(self, path: Path) -> None:
-        if path.suffix.lower() not in EXTENSIONS | VIDEOS:
-            if path.exists() and path.suffix.lower() in UNREAD:
-                raise InputError(f"{path}: an image of a format that is not read (got '{path.suffix}'). {advice_for(path)}")
-            if path.exists():
-                kinds = "an image or a video such as .png, .jpg, .tif or .mp4"
-                raise InputError(f"{path}: neither image nor video (got '{path.suffix}', expected {kinds}).")
-            raise InputError(f"{path}: no such file. Check the path.")
         if not path.exists():
             raise InputError(f"{path}: no such file. Check the path.")
+        if path.suffix.lower() in UNREAD:
+            raise InputError(f"{path}: an image of a format that is not read (got '{path.suffix}'). {advice_for(path)}")
+        if path.suffix.lower() not in EXTENSIONS | VIDEOS:
+            kinds = "an image or a video such as .png, .jpg, .tif or .mp4"
+            raise InputError(f"{path}: neither image nor video (got '{path.suffix}', expected {kinds}).")
         if _is_special(path):
             raise InputError(f"{path}: a device or pipe (expected a file). Name a file.")
         self._keep(path, path.parent, named=True)

@@ -12,7 +12,7 @@ import io
 import os
 import threading
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -135,6 +135,14 @@ class Ledger:
             cells = (os.path.abspath(source), read.size, read.mtime_ns, name, written.size, written.mtime_ns, settings)  # noqa: PTH100
             self._append(cells)
 
+    def withdraw(self) -> bool:
+        """Remove the ledger if nothing was ever noted in it; tell whether that was so."""
+        with suppress(OSError):
+            if self._path.read_bytes() in {b"", _line(_HEADER).encode()}:
+                self._path.unlink()
+                return True
+        return False
+
     def is_done(self, source: Path, name: str, settings: str) -> bool:
         """Tell whether a result is there, untouched, made from this very source with these settings."""
         expected = (os.path.abspath(source), Stamp.of(source), Stamp.of(self._folder / name), settings)  # noqa: PTH100
@@ -149,11 +157,9 @@ class Ledger:
         )
 
     def _append(self, cells: tuple[object, ...]) -> None:
-        line = io.StringIO(newline="")
-        csv.writer(line, lineterminator="\n").writerow(cells)
         with self._lock:
             # What was torn stays on a line of its own.
-            content = (("\n" if self._is_torn else "") + line.getvalue()).encode("utf-8", "surrogateescape")
+            content = (("\n" if self._is_torn else "") + _line(cells)).encode("utf-8", "surrogateescape")
             self._is_torn = True
             try:
                 file = os.open(self._path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
@@ -168,6 +174,13 @@ class Ledger:
 
     def _unwritable(self, error: OSError) -> InputError:
         return InputError(f"{self._path}: cannot be written ({(error.strerror or str(error)).lower()}). Choose another place.")
+
+
+def _line(cells: tuple[object, ...]) -> str:
+    """Write cells as a line."""
+    line = io.StringIO(newline="")
+    csv.writer(line, lineterminator="\n").writerow(cells)
+    return line.getvalue()
 
 
 def _locked(file: int) -> bool:
@@ -195,7 +208,7 @@ def read_ledger(folder: Path) -> dict[str, _Entry]:
     """
     path = folder / LEDGER_NAME
     try:
-        content = path.read_bytes() if path.exists() else b""
+        content = path.read_bytes() if os.path.exists(path) else b""  # noqa: PTH110 - false where nobody may look
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({(error.strerror or str(error)).lower()}). Remove it.") from None
     return dict(_entries(content.decode("utf-8", "surrogateescape").split("\n")))

@@ -59,9 +59,9 @@ class Place:
             if resume:
                 raise InputError(f"--resume: needs a folder of results (got the file {self.file}). Name a folder with -o.")
             for file in () if force else (self.file, self.camera_file):
-                if file.exists():
+                if is_there(file):
                     raise InputError(f"{file}: output file exists. Choose another name, or replace it with --force.")
-        elif self.folder.exists() and not self.folder.is_dir():
+        elif is_there(self.folder) and not self.folder.is_dir():
             raise InputError(f"{self.folder}: a file stands where the output folder should be. Choose another folder.")
         elif not (force or (resume and self.has_ledger)) and _is_used(self.folder):
             advice = "Go on with --resume, choose another one" if self.has_ledger else "Choose another one"
@@ -83,7 +83,15 @@ class Place:
     @property
     def has_ledger(self) -> bool:
         """Whether the folder holds what an earlier run began."""
-        return (self.folder / LEDGER_NAME).exists()
+        return is_there(self.folder / LEDGER_NAME)
+
+
+def is_there(path: Path) -> bool:
+    """Tell whether a file or folder is to be seen; if the system does not let us look, an attempt to write tells why."""
+    try:
+        return path.exists()
+    except OSError:
+        return False
 
 
 def choose_place(output: str | Path, files: Sequence[Source], extension: str | None) -> Place:
@@ -111,7 +119,7 @@ def choose_place(output: str | Path, files: Sequence[Source], extension: str | N
 def _is_used(folder: Path) -> bool:
     """Tell whether a folder holds something, beside the ledger of a run that came to nothing."""
     try:
-        return folder.is_dir() and any(path.name != LEDGER_NAME for path in folder.iterdir())
+        return is_there(folder) and any(path.name != LEDGER_NAME for path in folder.iterdir())
     except OSError as error:
         raise unreadable(folder, error) from None
 
@@ -119,7 +127,8 @@ def _is_used(folder: Path) -> bool:
 def is_file_name(output: str | Path, extensions: Collection[str]) -> bool:
     """Tell whether an output is the name of a file with one of the extensions, and no folder."""
     path = Path(output)
-    return path.suffix.lower() in extensions and not str(output).endswith(("/", os.sep)) and not path.is_dir()
+    is_folder = is_there(path) and path.is_dir()
+    return path.suffix.lower() in extensions and not str(output).endswith(("/", os.sep)) and not is_folder
 
 
 def make_jobs(files: Sequence[Source], place: Place, beside: Collection[str]) -> tuple[tuple[Job, ...], tuple[Rejected, ...]]:
@@ -198,7 +207,7 @@ def refuse_lost_cameras(place: Place, cameras: Iterable[str | Path | None]) -> N
     InputError
         If so.
     """
-    if place.file is None and any((place.folder / name).exists() for name in _CALIBRATION_FILES):
+    if place.file is None and any(is_there(place.folder / name) for name in _CALIBRATION_FILES):
         raise InputError(
             f"{place.folder}: holds a calibration, whose camera.yaml would be replaced. Choose another folder with -o."
         )

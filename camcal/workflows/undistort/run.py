@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from contextlib import nullcontext, suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from camcal.workflows.reporting import Reporter
 from camcal.workflows.undistort.companions import Companions
 from camcal.workflows.undistort.inputs import Sources
 from camcal.workflows.undistort.ledger import Ledger, Stamp
-from camcal.workflows.undistort.plan import check_named, make_jobs
+from camcal.workflows.undistort.plan import check_named, is_there, make_jobs
 from camcal.workflows.undistort.work import Finished, Job, Note, Outcome, Setting, Undistorter, carry_out_here
 
 _TEMPORARY = ".camcal-*.tmp"
@@ -102,21 +102,22 @@ class Run:
         place.refuse_used(force=force, resume=resume)
         if dry_run:
             return self._result([Finished(job) for job in waiting], done, rejected)
-        place.claim()
-        with nullcontext() if ledger is None else ledger.held():
-            for folder in sorted({job.target.parent for job in waiting} - {place.folder}):
-                claim_folder(folder, force=True)
-            if resume:
-                sweep(jobs)
-            if ledger is not None:
-                ledger.begin()
-                self._warn_of_strangers(ledger.left_over({job.name for job in jobs}, set(keys.values())))
+        with _nothing_left_of_failures(place.folder, waiting):
+            place.claim()
+            with nullcontext() if ledger is None else ledger.held(), _told_how_to_go_on(ledger, waiting):
+                for folder in sorted({job.target.parent for job in waiting} - {place.folder}):
+                    claim_folder(folder, force=True)
+                if resume:
+                    sweep(jobs)
+                if ledger is not None:
+                    ledger.begin()
+                    self._warn_of_strangers(ledger.left_over({job.name for job in jobs}, set(keys.values())))
 
-            def note(job: Job, read: Stamp | None) -> None:
-                if ledger is not None and read is not None:
-                    ledger.add(job.source, job.name, read, keys[job.is_video])
+                def note(job: Job, read: Stamp | None) -> None:
+                    if ledger is not None and read is not None:
+                        ledger.add(job.source, job.name, read, keys[job.is_video])
 
-            return self._done(waiting, done, rejected, note)
+                return self._done(waiting, done, rejected, note)
 
     def _done(self, waiting: Sequence[Job], done: Sequence[Job], rejected: Sequence[Rejected], note: Note) -> Undistortion:
         """Do what waits, tell about it, and write what belongs beside it."""
@@ -176,6 +177,32 @@ class Run:
         if nothing:
             first = result.rejected[0]
             raise InputError(f"undistort: no usable image or video (first: {first.source}: {first.reason})")
+
+
+@contextmanager
+def _told_how_to_go_on(ledger: Ledger | None, jobs: Sequence[Job]) -> Iterator[None]:
+    """Say of an error in the middle of a run that what is finished stays; a ledger of nothing is taken away."""
+    try:
+        yield
+    except InputError as error:
+        nothing = not any(is_there(job.target) for job in jobs)
+        if ledger is None or (nothing and ledger.withdraw()) or "--resume" in str(error):
+            raise
+        raise InputError(f"{error} What is finished stays: go on from there with --resume.") from error
+
+
+@contextmanager
+def _nothing_left_of_failures(folder: Path, jobs: Sequence[Job]) -> Iterator[None]:
+    """Remove the folders that a run made if it fails with nothing in them."""
+    wanted = {folder, *folder.parents, *(job.target.parent for job in jobs)}
+    made = sorted((path for path in wanted if not is_there(path)), reverse=True)
+    try:
+        yield
+    except InputError:
+        for path in made:
+            with suppress(OSError):
+                path.rmdir()
+        raise
 
 
 def sweep(jobs: Iterable[Job]) -> None:

@@ -23,8 +23,8 @@ from camcal.formats.video.trimming import FrameRange
 from camcal.formats.video.writer import VideoWriter
 from camcal.observations import Image
 from camcal.threads import single_threaded
-from camcal.undistortion.maps import RIM_PX, UndistortMap, undistort_image, undistort_map
-from camcal.undistortion.planes import plane_camera
+from camcal.undistortion.maps import UndistortMap, undistort_image
+from camcal.undistortion.planes import plane_map
 from camcal.undistortion.scratch import Scratch
 from camcal.undistortion.sizes import advice_on_size
 
@@ -175,7 +175,7 @@ class FrameMover:
         self._highest = (1 << layout.depth) - 1
         self._scratch = Scratch()
         kinds = {(plane.step, plane.siting) for plane in layout.planes}
-        self._maps = {kind: _plane_map(undistort, *kind) for kind in sorted(kinds)}
+        self._maps = {kind: plane_map(undistort, *kind) for kind in sorted(kinds)}
 
     def move(self, sources: Sequence[Planes], targets: Sequence[Planes]) -> None:
         """Fill the planes of the targets from those of the sources, frame by frame."""
@@ -206,14 +206,6 @@ class FrameMover:
             np.minimum(after, self._highest, out=after)
         for channel, (_, new, _) in enumerate(jobs):
             cv2.extractChannel(after, channel, dst=new)
-
-
-def _plane_map(undistort: UndistortMap, step: tuple[int, int], siting: str) -> UndistortMap:
-    """Return the map of a plane; a coarse sample sees if the picture is where its centre lies, so that no colour rings it."""
-    if step == (1, 1):
-        return undistort
-    source, target = (plane_camera(camera, step, siting) for camera in (undistort.source, undistort.target))
-    return undistort_map(source, target, samples=undistort.samples, rim_px=1 - 1 / max(step) + RIM_PX)
 
 
 def _move_all(
