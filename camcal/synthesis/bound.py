@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import numpy.typing as npt
 
 from camcal.boards.base import Board
-from camcal.geometry.arrays import FloatArray
+from camcal.geometry.arrays import FloatArray, IntArray
 from camcal.geometry.camera import Camera
 from camcal.geometry.pose import Pose
 from camcal.synthesis.render import render_ideal
@@ -15,6 +17,7 @@ from camcal.synthesis.scenario import Light, Sensor
 _LEVELS = 255.0
 _SHIFT_PX = 0.05
 _BLUR_STEP = 0.05
+_PORTION_PIXELS = 500_000
 
 
 def corner_bound(
@@ -77,8 +80,9 @@ def corner_bound(
     if not inside.any():
         return bound
     noise = np.broadcast_to(np.asarray(noise_levels, dtype=np.float64) / _LEVELS, images[0].shape)
-    J = _patch_derivatives((*images, noise), corners[inside], radius[inside])
-    bound[inside] = np.sqrt(_shift_variance(J))
+    for some in _portions(np.flatnonzero(inside), radius):
+        J = _patch_derivatives((*images, noise), corners[some], radius[some])
+        bound[some] = np.sqrt(_shift_variance(J))
     return bound
 
 
@@ -103,6 +107,17 @@ def sensor_noise_levels(signal: FloatArray, sensor: Sensor) -> FloatArray:
         variance += _LEVELS**2 * np.maximum(signal, 0) / sensor.full_well_electrons
     deviation: FloatArray = np.sqrt(variance)
     return deviation
+
+
+def _portions(chosen: IntArray, radius_px: FloatArray) -> Iterator[IntArray]:
+    """Split features (C,) into portions whose patches, all as large as the largest of them, hold so many pixels at most."""
+    falling = chosen[np.argsort(-radius_px[chosen], kind="stable")]
+    start = 0
+    while start < falling.size:
+        side = 2 * int(np.ceil(radius_px[falling[start]])) + 3
+        stop = start + max(_PORTION_PIXELS // side**2, 1)
+        yield falling[start:stop]
+        start = stop
 
 
 def _patch_derivatives(images: tuple[FloatArray, ...], corners_px: FloatArray, radius_px: FloatArray) -> FloatArray:
