@@ -25,13 +25,13 @@ import pytest
 import camcal
 from camcal.errors import InputError
 from camcal.formats.camera_file import save_intrinsics
+from camcal.formats.ledger_file import LEDGER_NAME, Stamp
 from camcal.geometry.camera import Camera
 from camcal.observations import Intrinsics, Rejected
 from camcal.workflows.undistort import cluster as undistort_cluster
 from camcal.workflows.undistort.cluster import Task, do_task
 from camcal.workflows.undistort.geometry import Geometry
 from camcal.workflows.undistort.image import ImageOptions
-from camcal.workflows.undistort.ledger import LEDGER_NAME, Stamp
 from camcal.workflows.undistort.work import Finished, Job, Setting
 
 SIZE = (640, 480)

@@ -25,11 +25,11 @@ from camcal.errors import InputError
 from camcal.formats.camera_file import load_intrinsics, save_intrinsics
 from camcal.formats.corners_file import load_corners
 from camcal.formats.images import read_image
+from camcal.formats.ledger_file import LEDGER_NAME
 from camcal.geometry.camera import Camera
 from camcal.observations import Intrinsics
 from camcal.verdict import Finding, Verdict
 from camcal.workflows.undistort import work as undistort_work
-from camcal.workflows.undistort.ledger import LEDGER_NAME
 
 SIZE = (64, 48)
 CAMERA = Camera(SIZE, [[50, 0, 30.3], [0, 51, 24.7], [0, 0, 1]], [-0.2, 0.05, 0.001, -0.002, 0])

@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING, Any
 
 from camcal import __version__
 from camcal.errors import InputError
+from camcal.formats.ledger_file import Stamp
 from camcal.observations import Rejected
 from camcal.threads import single_threaded
 from camcal.workflows.reporting import Reporter
-from camcal.workflows.undistort.ledger import Stamp
 from camcal.workflows.undistort.work import Finished, Job, Note, Outcome, Setting, Undistorter
 
 if TYPE_CHECKING:

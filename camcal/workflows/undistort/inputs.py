@@ -12,9 +12,9 @@ from typing import TypeAlias
 from camcal.errors import InputError
 from camcal.formats.images import EXTENSIONS
 from camcal.formats.imaging.unread import UNREAD, advice_for
+from camcal.formats.ledger_file import LEDGER_NAME
 from camcal.formats.text import unreadable
 from camcal.observations import Rejected
-from camcal.workflows.undistort.ledger import LEDGER_NAME
 
 WRITTEN_VIDEOS = (".mp4", ".m4v", ".mov", ".mkv", ".webm", ".avi", ".ts", ".mts", ".m2ts")
 """Extensions of the videos that are written."""

@@ -12,12 +12,12 @@ from camcal.formats.camera_file import CAMERA_FILE_NAME, split_choice
 from camcal.formats.images import EXTENSIONS
 from camcal.formats.imaging.pixels import WRITTEN_EXTENSIONS
 from camcal.formats.imaging.unread import UNREAD
+from camcal.formats.ledger_file import LEDGER_NAME
 from camcal.formats.output import claim_file, claim_folder
 from camcal.formats.text import file_in, unreadable
 from camcal.observations import Rejected
 from camcal.workflows.undistort.image import refuse_size
 from camcal.workflows.undistort.inputs import VIDEOS, WRITTEN_VIDEOS, Source
-from camcal.workflows.undistort.ledger import LEDGER_NAME
 from camcal.workflows.undistort.probe import size_of_source
 from camcal.workflows.undistort.work import Job
 

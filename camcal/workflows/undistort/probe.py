@@ -4,13 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from camcal.formats.imaging.header import image_format, image_size, refuse_bomb
-from camcal.formats.imaging.pixels import check_content
-from camcal.formats.text import read_bytes, unreadable
+from camcal.formats.imaging.size import size_of_image
 from camcal.workflows.undistort.inputs import is_video
-
-# Where a header is, but for one behind a large thumbnail or colour profile.
-_HEAD_BYTES = 1 << 16
 
 
 def size_of_source(path: Path, most_pixels: int) -> tuple[int, int] | None:
@@ -31,20 +26,4 @@ def size_of_source(path: Path, most_pixels: int) -> tuple[int, int] | None:
         from camcal.formats.video.reader import probe_video
 
         return probe_video(path).size
-    try:
-        whole = not path.is_file() or path.stat().st_size <= _HEAD_BYTES
-        head = b"" if whole else _head(path)
-    except OSError as error:
-        raise unreadable(path, error) from None
-    if whole or image_format(head) is None:
-        content = read_bytes(path)
-        check_content(path, content, most_pixels)
-        return image_size(content)
-    refuse_bomb(path, head, most_pixels)
-    # A TIFF may say everything at its end.
-    return image_size(head) or image_size(read_bytes(path))
-
-
-def _head(path: Path) -> bytes:
-    with path.open("rb") as file:
-        return file.read(_HEAD_BYTES)
+    return size_of_image(path, most_pixels)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from camcal.errors import InputError
 from camcal.formats.images import EXTENSIONS
+from camcal.formats.ledger_file import Ledger, Stamp
 from camcal.formats.output import claim_folder
 from camcal.geometry.camera import Camera
 from camcal.observations import Rejected
@@ -16,7 +17,6 @@ from camcal.workflows.inputs import warn_of_each
 from camcal.workflows.reporting import Reporter
 from camcal.workflows.undistort.companions import Companions
 from camcal.workflows.undistort.inputs import Sources
-from camcal.workflows.undistort.ledger import Ledger, Stamp
 from camcal.workflows.undistort.plan import check_named, is_there, make_jobs
 from camcal.workflows.undistort.work import Finished, Job, Note, Outcome, Setting, Undistorter, carry_out_here
 

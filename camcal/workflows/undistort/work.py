@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 
 from camcal import __version__
 from camcal.errors import InputError
+from camcal.formats.ledger_file import Stamp
 from camcal.observations import Rejected
 from camcal.undistortion.maps import UndistortMap
 from camcal.workflows.reporting import Reporter
 from camcal.workflows.undistort.geometry import Cameras
 from camcal.workflows.undistort.image import ImageOptions, undistort_image_file
 from camcal.workflows.undistort.inputs import is_video
-from camcal.workflows.undistort.ledger import Stamp
 
 if TYPE_CHECKING:
     from camcal.workflows.undistort.video import VideoOptions
