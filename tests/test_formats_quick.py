@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from camcal.errors import InputError
 from camcal.formats.camera_file import camera_yaml, load_intrinsics, save_intrinsics
 from camcal.formats.camera_quick import read_quickly
-from camcal.formats.camera_schema import read_intrinsics
+from camcal.formats.exchange.reading import read_any
 from camcal.formats.yaml_dump import dump_yaml
 from camcal.formats.yaml_plain import plain_yaml
 from camcal.geometry.camera import Camera
@@ -64,7 +64,7 @@ def check_same_or_none(path: Path) -> bool:
     """The short way gives nothing, or what the long way gives; tell which."""
     quick = read_quickly(path)
     if quick is not None:
-        assert parts(quick) == parts(read_intrinsics(path))
+        assert parts(quick) == parts(read_any(path))
     return quick is not None
 
 
@@ -73,14 +73,14 @@ def test_camera_files_of_our_own(tmp_path, name):
     """Every kind of file that is written is read alike both ways; plain ones the short way."""
     save_intrinsics(tmp_path / "c.yaml", KNOWN[name])
     assert check_same_or_none(tmp_path / "c.yaml") == (name not in {"unknown sigma", "quoted"})
-    assert parts(load_intrinsics(tmp_path / "c.yaml")) == parts(read_intrinsics(tmp_path / "c.yaml"))
+    assert parts(load_intrinsics(tmp_path / "c.yaml")) == parts(read_any(tmp_path / "c.yaml"))
 
 
 @pytest.mark.parametrize("path", INVALID, ids=lambda path: path.stem)
 def test_invalid_files_are_for_the_long_way(path):
     """No file that is refused is read the short way."""
     try:
-        read_intrinsics(path)
+        read_any(path)
     except InputError:
         assert read_quickly(path) is None
     else:
@@ -141,7 +141,7 @@ def test_rearranged_files(tmp_path_factory, data):
 def check_unless_refused(path: Path) -> None:
     """A file that the long way refuses is none for the short way."""
     try:
-        read_intrinsics(path)
+        read_any(path)
     except InputError:
         assert read_quickly(path) is None
     else:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from camcal.formats.camera_layout import (
 )
 from camcal.formats.validation import validate
 from camcal.formats.versions import CAMERA_FORMAT_VERSION
-from camcal.formats.yaml_io import Document, KeyPath, describe, load_yaml
+from camcal.formats.yaml_io import Document, KeyPath, describe
 from camcal.geometry.arrays import FloatArray
 from camcal.geometry.camera import Camera
 from camcal.observations import BoardShape, ImageSigma, Intrinsics, Uncertainty
@@ -30,17 +29,6 @@ from camcal.verdict import Finding, Verdict
 FISHEYES = ("equidistant", "fisheye", "kannala_brandt", "kannala_brandt4", "omnidirectional", "mei")
 # Correlations are written to the last bit; a person may round them.
 _SYMMETRY_TOLERANCE = 1e-6
-
-
-def read_intrinsics(path: str | Path) -> Intrinsics:
-    """Read a camera file.
-
-    Raises
-    ------
-    InputError
-        If it cannot be used.
-    """
-    return intrinsics_of(load_yaml(path))
 
 
 def intrinsics_of(document: Document) -> Intrinsics:

@@ -77,7 +77,6 @@ NO_BOOL = BeforeValidator(_refuse_bool)
 Number = Annotated[float, NO_BOOL]
 """A finite number."""
 Positive = Annotated[float, Field(gt=0), NO_BOOL]
-NotNegative = Annotated[float, Field(ge=0), NO_BOOL]
 AnyNumber = Annotated[float, Field(allow_inf_nan=True), NO_BOOL]
 """A number, NaN or an infinity."""
 Whole = Annotated[int, NO_BOOL]

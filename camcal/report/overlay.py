@@ -28,8 +28,8 @@ class Overlay:
         Path data: a line from each, in the direction in which the corner is off, magnified.
     left_out : str
         Path data: a dot for every corner that was left out.
-    count, left_out_count : int
-        How many of them there are.
+    count : int
+        How many corners there are.
     """
 
     view_box: str
@@ -37,7 +37,6 @@ class Overlay:
     residuals: str
     left_out: str
     count: int
-    left_out_count: int
 
 
 def magnification(calibration: Calibration) -> float:
@@ -65,13 +64,12 @@ def overlay(calibration: Calibration, index: int, outliers: tuple[Outlier, ...],
         residuals=_lines(corners, magnified * residual),
         left_out=_dots(_places(outliers)),
         count=len(corners),
-        left_out_count=len(outliers),
     )
 
 
 def overlay_of_outliers(size: tuple[int, int], outliers: tuple[Outlier, ...]) -> Overlay:
     """Draw a view (width, height) all of whose corners were left out."""
-    return Overlay(_view_box(size), "", "", _dots(_places(outliers)), 0, len(outliers))
+    return Overlay(_view_box(size), "", "", _dots(_places(outliers)), 0)
 
 
 def _places(outliers: tuple[Outlier, ...]) -> FloatArray:

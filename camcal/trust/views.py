@@ -49,12 +49,6 @@ def view_findings(calibration: Calibration, board: Board) -> tuple[Finding, ...]
     return tuple(finding for finding in checks if finding)
 
 
-def distinct_views(calibration: Calibration, board: Board) -> int:
-    """Count the views that differ: those that show the board in the same place count once."""
-    limit = _SAME_VIEW * float(np.hypot(*calibration.camera.size))
-    return len(_distinct(_distances_px(calibration, board), limit))
-
-
 def _distances_px(calibration: Calibration, board: Board) -> FloatArray:
     """Root mean square distance of the board's outer features between each two views, (V, V) pixels; NaN if behind."""
     points = board.object_points
