@@ -10,37 +10,30 @@ from typing import TYPE_CHECKING, cast
 
 from camcal.boards.base import Board
 from camcal.calibration.board_shape import BOW, STRETCH
-from camcal.calibration.causes import quarter_turn, solve_board
+from camcal.calibration.causes import quarter_turn
 from camcal.calibration.parameters import DEFAULT_DISTORTION, parse_distortion
-from camcal.calibration.views import FEWEST_VIEWS, usable_views
-from camcal.errors import InputError, SolveError
+from camcal.errors import InputError
 from camcal.formats.board_file import load_board
 from camcal.formats.camera_file import uncertainty_values
 from camcal.formats.corner_exchange.table import is_corners_path
 from camcal.formats.images import ImageFile
 from camcal.formats.output import claim_folder
-from camcal.observations import Calibration, Detection, Intrinsics, Rejected
+from camcal.observations import Calibration, Intrinsics
 from camcal.trust.assess import NO_GATES, Assessment, Gates, assess
-from camcal.trust.fisheye import ADVICE, fit_fisheye
-from camcal.trust.gates import gate_findings
-from camcal.trust.models import choose_distortion
 from camcal.verdict import Verdict
 from camcal.workflows.calibration_files import Origin, write_calibration
-from camcal.workflows.inputs import Images, Seen, as_paths, images_to_work_on, views_seen, warn_of_each
+from camcal.workflows.inputs import Images, Seen, as_paths, images_to_work_on, views_seen
 from camcal.workflows.observe import (
     REFINEMENTS,
     Refined,
-    observe,
-    observe_again,
-    of_one_size,
     refuse_other_board,
     replay,
     tell_left_out,
-    tell_refused,
 )
 from camcal.workflows.report import PLOT_FORMATS, claim_figures, show_calibration
-from camcal.workflows.reporting import LogReporter, ProgressOnly, Reporter
-from camcal.workflows.telling import tell_solution, tell_unrefined, tell_views
+from camcal.workflows.reporting import LogReporter, Reporter
+from camcal.workflows.solving import Solver
+from camcal.workflows.telling import tell_views
 from camcal.workflows.undistort import undistort_found
 
 if TYPE_CHECKING:
@@ -230,16 +223,16 @@ def calibrate(
     folder = None if output is None else claim_folder(output, force=force)
     figures = claim_figures(folder, page=report, plots=plots, formats=plot_formats, force=force)
     shape = (BOW if warp else ()) + (STRETCH if scale else ())
-    task = _Task(target, free, distortion == AUTO, shape, refine, anamorphic, jobs, reporter)
+    solver = Solver(target, free, distortion == AUTO, shape, refine, anamorphic, jobs, reporter)
     refused: dict[str, tuple[str, ...]] = {}
     if replay_file:
-        calibration = task.solve([Refined(view) for view in replay(replay_file, target, only_used=only_used, size=size)], [])
+        calibration = solver.solve([Refined(view) for view in replay(replay_file, target, only_used=only_used, size=size)], [])
     elif seen is not None:
         detections, rejected = seen
         refuse_other_board(detections, target, "images")
-        calibration = task.solve([Refined(view) for view in detections], rejected)
+        calibration = solver.solve([Refined(view) for view in detections], rejected)
     else:
-        calibration, refused = task.solve_images(found)
+        calibration, refused = solver.solve_images(found)
     note = quarter_turn(calibration, target)
     if note:
         reporter.warn(note)
@@ -248,7 +241,7 @@ def calibrate(
     with reporter.progress("Cross-validating", None):
         assessment = assess(calibration, target, anamorphic=anamorphic, gates=gates)
     known = _intrinsics(calibration, assessment, target, name)
-    twins = task.twins(calibration, found, twin) if twin and not known.problems else None
+    twins = solver.twins(calibration, found, twin) if twin and not known.problems else None
     run = CalibrationRun(calibration, assessment, known, target, folder, refused, twins)
     options = _options(
         gates,
@@ -263,81 +256,6 @@ def calibrate(
             undistort_found(_unnamed(found), camera_file, where, force=force, jobs=jobs, reporter=reporter)
         show_calibration(folder, page=report, figures=figures, formats=plot_formats, jobs=jobs, reporter=reporter)
     return run
-
-
-@dataclass(frozen=True, slots=True)
-class _Task:
-    """What to solve and how."""
-
-    board: Board
-    distortion: tuple[str, ...]
-    choose: bool
-    shape: tuple[str, ...]
-    refine: str
-    anamorphic: bool
-    jobs: int | None
-    reporter: Reporter
-
-    def solve(self, views: Sequence[Refined], rejected: Sequence[Rejected]) -> Calibration:
-        """Solve from views that have been seen, and pass on what is to be said of them."""
-        detections, other_sizes = of_one_size([view.detection for view in views])
-        every = sorted([*rejected, *other_sizes], key=lambda rejection: rejection.source)
-        warn_of_each(((rejection.source, f"rejected: {rejection.reason}") for rejection in every), self.reporter)
-        warn_of_each(((seen.source, note) for seen in detections for note in seen.notes), self.reporter)
-        return self._solve_board(detections, every)
-
-    def solve_images(self, found: Sequence[ImageFile]) -> tuple[Calibration, dict[str, tuple[str, ...]]]:
-        """Find and refine the corners of images, and solve; by view, the corners that were refused come along."""
-        views, rejected = observe(found, self.board, self.refine, self.jobs, self.reporter)
-        calibration = self.solve(views, rejected)
-        # A calibration that is not to be trusted predicts no edges either.
-        doubts = gate_findings(calibration, self.board, anamorphic=self.anamorphic) if self.refine == "warped" else ()
-        if doubts:
-            tell_unrefined([str(doubt) for doubt in doubts], self.reporter)
-        elif self.refine == "warped":
-            size = calibration.camera.size
-            same_size = [view for view in views if view.detection.size == size]
-            views = observe_again(calibration, same_size, found, self.board, jobs=self.jobs, reporter=self.reporter)
-            tried = {view.detection.source for view in same_size}
-            passed_over = [rejection for rejection in calibration.rejected if rejection.source not in tried]
-            calibration = self._solve_board([view.detection for view in views], passed_over)
-        refused = {view.detection.source: view.refused for view in views}
-        tell_refused(refused, self.reporter)
-        return calibration, refused
-
-    def twins(self, calibration: Calibration, found: Sequence[ImageFile], count: int) -> Twin:
-        """Render the capture again with known truth, and calibrate it from pixels in just the same way."""
-        # The renderer is only needed here.
-        from camcal.workflows.twin import run_twins
-
-        quiet = replace(self, reporter=ProgressOnly(self.reporter))
-
-        def recalibrate(folder: Path) -> Calibration:
-            return quiet.solve_images(images_to_work_on(folder, quiet.reporter))[0]
-
-        return run_twins(calibration, self.board, found, recalibrate, count, jobs=self.jobs, reporter=self.reporter)
-
-    def _solve_board(self, detections: Sequence[Detection], rejected: Sequence[Rejected]) -> Calibration:
-        """Solve, and say what came of it."""
-        with self.reporter.progress("Solving", None):
-            solved = self._solve_chosen(detections, rejected)
-        tell_solution(solved, self.reporter)
-        return solved
-
-    def _solve_chosen(self, detections: Sequence[Detection], rejected: Sequence[Rejected]) -> Calibration:
-        """Solve, and once more with the coefficients that the views support if these are to be chosen."""
-        try:
-            found = solve_board(detections, self.board, distortion=self.distortion, shape=self.shape, rejected=rejected)
-        except SolveError as error:
-            views, _ = usable_views(detections, self.board.object_points)
-            fisheye = fit_fisheye(views, self.board.object_points) if len(views) >= FEWEST_VIEWS else None
-            if fisheye is None or not fisheye.is_fisheye:
-                raise
-            raise SolveError(f"solve: {fisheye.text}. {ADVICE}") from error
-        chosen = choose_distortion(found, self.board) if self.choose else self.distortion
-        if chosen == self.distortion:
-            return found
-        return solve_board(detections, self.board, distortion=chosen, shape=self.shape, rejected=rejected)
 
 
 def _corners_file(images: Sequence[str | Path]) -> Path | None:
