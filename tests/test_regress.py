@@ -91,7 +91,7 @@ def test_one_corner_shifted_by_a_fiftieth_of_a_pixel_fails(suite, capsys, monkey
         return solve(calibration, *rest, **how)
 
     monkeypatch.setattr(observe, "refine_warped", shifted)
-    monkeypatch.setattr("camcal.workflows.calibrate.observe_again", again)
+    monkeypatch.setattr("camcal.workflows.solving.observe_again", again)
     code, _, err = run(capsys, suite / "small.yaml", "--baseline", suite / "b.json")
     assert code == 5
     assert "small: corner_max_over_bound is " in err
