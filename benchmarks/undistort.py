@@ -24,7 +24,7 @@ import numpy as np
 from camcal.formats.camera_file import save_intrinsics
 from camcal.geometry.arrays import FloatArray
 from camcal.geometry.camera import Camera
-from camcal.observations import Intrinsics
+from camcal.records import Intrinsics
 
 LARGE = Camera((4000, 3000), [[3200.0, 0, 2010], [0, 3210, 1490], [0, 0, 1]], [-0.2, 0.05, 0, 0, 0, 0, 0, 0])
 MEDIUM = Camera((1920, 1080), [[1536.0, 0, 965], [0, 1541, 536], [0, 0, 1]], [-0.2, 0.05, 0, 0, 0, 0, 0, 0])

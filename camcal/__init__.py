@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from camcal.formats.corners_file import load_corners, save_corners
     from camcal.geometry.camera import Camera
     from camcal.geometry.pose import Pose
-    from camcal.observations import Calibration, Detection, Intrinsics, Rejected
+    from camcal.observations import Calibration, Detection, Rejected
+    from camcal.records import Intrinsics
     from camcal.synthesis.bound import corner_bound
     from camcal.synthesis.scenario import Light, Sensor
     from camcal.trust.assess import Gates
@@ -66,7 +67,8 @@ _NAMES = {
     "formats.corners_file": "load_corners save_corners",
     "geometry.camera": "Camera",
     "geometry.pose": "Pose",
-    "observations": "Calibration Detection Intrinsics Rejected",
+    "observations": "Calibration Detection Rejected",
+    "records": "Intrinsics",
     "synthesis.bound": "corner_bound",
     "synthesis.scenario": "Light Sensor",
     "trust.assess": "Gates",

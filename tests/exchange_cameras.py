@@ -9,7 +9,7 @@ import numpy as np
 
 from camcal.formats.camera_file import save_intrinsics
 from camcal.geometry.camera import Camera
-from camcal.observations import Intrinsics
+from camcal.records import Intrinsics
 
 K = [[900.125, 0, 640.3], [0, 905.5, 352.7], [0, 0, 1]]
 WEBCAM = Camera((1280, 720), K, [-0.25, 0.1, 1e-3, -5e-4, -0.02])

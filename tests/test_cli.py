@@ -24,7 +24,8 @@ from camcal.cli import cli, main
 from camcal.formats.camera_file import load_intrinsics, save_intrinsics
 from camcal.formats.corners_file import save_corners
 from camcal.geometry.camera import Camera
-from camcal.observations import Detection, Intrinsics
+from camcal.observations import Detection
+from camcal.records import Intrinsics
 from camcal.resources import config_names
 from camcal.verdict import Finding, Verdict
 from camcal.workflows.observe import REFINEMENTS

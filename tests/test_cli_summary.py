@@ -16,7 +16,8 @@ from camcal.cli import main
 from camcal.formats.camera_file import load_intrinsics, save_intrinsics
 from camcal.formats.corners_file import load_corners, save_corners
 from camcal.geometry.camera import Camera
-from camcal.observations import Detection, Intrinsics
+from camcal.observations import Detection
+from camcal.records import Intrinsics
 from camcal.rounding import decimals, plus_minus, rounded, spread
 
 NAN = float("nan")

@@ -23,7 +23,7 @@ from camcal.compare.projection import ProjectionDifference
 from camcal.compare.twins import TwinErrors, TwinParameter, TwinProjection
 from camcal.compare.views import ViewErrors
 from camcal.geometry.camera import Camera
-from camcal.observations import BoardShape, ImageSigma, Intrinsics, Uncertainty
+from camcal.records import BoardShape, ImageSigma, Intrinsics, Uncertainty
 from camcal.resources import config_names
 from camcal.verdict import Finding, Verdict
 from camcal.workflows.regress import FIGURES, Regression, ScenarioResult

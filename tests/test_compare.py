@@ -14,7 +14,8 @@ from camcal.compare.views import PosedView, view_errors
 from camcal.errors import InputError
 from camcal.geometry.camera import Camera
 from camcal.geometry.pose import Pose
-from camcal.observations import Detection, Intrinsics
+from camcal.observations import Detection
+from camcal.records import Intrinsics
 
 
 def test_equal_cameras_do_not_differ():

@@ -16,7 +16,7 @@ from camcal.errors import InputError, QualityError
 from camcal.formats.camera_file import load_intrinsics, save_intrinsics
 from camcal.formats.exchange.table import FORMATS
 from camcal.geometry.camera import Camera
-from camcal.observations import Intrinsics
+from camcal.records import Intrinsics
 from camcal.verdict import Finding, Verdict
 from camcal.workflows.export import export_camera
 from camcal.workflows.import_ import import_camera

@@ -14,7 +14,7 @@ from camcal.formats.camera_file import save_intrinsics
 from camcal.formats.exchange.profile import ForeignLens, Profile
 from camcal.formats.exchange.refit import from_foreign, refitted
 from camcal.geometry.camera import Camera
-from camcal.observations import Intrinsics
+from camcal.records import Intrinsics
 from camcal.workflows.export import export_camera
 
 RADTAN = Profile("radtan", "radtan", (("k1", "k2", "p1", "p2"),), (".yaml",))

@@ -16,7 +16,7 @@ from exchange_cameras import CAMERAS, points, saved
 from camcal.formats.camera_file import load_intrinsics, save_intrinsics
 from camcal.formats.exchange.camera_json import camera_json_schema
 from camcal.geometry.camera import Camera
-from camcal.observations import Intrinsics
+from camcal.records import Intrinsics
 from camcal.workflows.export import export_camera
 
 # The formula's few dozen roundings, each half of the last bit of a pixel coordinate below 2048, stay far below this.

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from camcal.errors import InputError
 from camcal.formats.camera_file import camera_yaml, load_intrinsics, save_intrinsics
 from camcal.geometry.camera import Camera
-from camcal.observations import BoardShape, ImageSigma, Intrinsics, Uncertainty
+from camcal.records import BoardShape, ImageSigma, Intrinsics, Uncertainty
 from camcal.verdict import LEVELS, Finding, Verdict
 
 FOCAL = st.floats(1e-3, 1e6)

@@ -11,7 +11,7 @@ WRITING = """
 from camcal.formats.camera_file import camera_yaml
 from camcal.formats.views_file import save_views
 from camcal.geometry.camera import Camera
-from camcal.observations import Intrinsics
+from camcal.records import Intrinsics
 camera_yaml(Intrinsics(Camera((4, 3), [[1, 0, 0], [0, 1, 0], [0, 0, 1]])))
 """
 

@@ -19,7 +19,7 @@ from camcal.formats.exchange.reading import read_any
 from camcal.formats.yaml_dump import dump_yaml
 from camcal.formats.yaml_plain import plain_yaml
 from camcal.geometry.camera import Camera
-from camcal.observations import BoardShape, ImageSigma, Intrinsics, Uncertainty
+from camcal.records import BoardShape, ImageSigma, Intrinsics, Uncertainty
 from camcal.verdict import Finding, Verdict
 
 INVALID = sorted((Path(__file__).parent / "data/invalid").glob("*.yaml"))

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from camcal.errors import InputError
 from camcal.formats.views_file import load_views, save_views
 from camcal.geometry.pose import Pose
-from camcal.observations import ViewRecord
+from camcal.records import ViewRecord
 
 TEXT = st.text(st.characters(exclude_categories=("C", "Zl", "Zp")), min_size=1, max_size=30)
 ANGLES = st.lists(st.floats(-3, 3), min_size=3, max_size=3)

@@ -16,7 +16,8 @@ import pytest
 import camcal
 from camcal.cli import cli
 from camcal.formats.images import read_image
-from camcal.observations import Detection, Intrinsics, Rejected
+from camcal.observations import Detection, Rejected
+from camcal.records import Intrinsics
 from camcal.verdict import Finding, Verdict
 
 TRUTH = camcal.Camera((640, 480), [[520, 0, 322], [0, 523, 236], [0, 0, 1]], [-0.18, 0.06, 0.001, -0.002])

@@ -22,7 +22,8 @@ from scenes import BOARD, poses
 from camcal.boards.checkerboard import Checkerboard
 from camcal.geometry.camera import Camera
 from camcal.geometry.pose import Pose
-from camcal.observations import Calibration, Detection, Intrinsics, Outlier
+from camcal.observations import Calibration, Detection, Outlier
+from camcal.records import Intrinsics
 from camcal.report.figures import (
     board_plane,
     coverage,

@@ -20,7 +20,7 @@ from camcal.formats.camera_file import save_intrinsics
 from camcal.formats.json_schema import KINDS, field_docs, json_schema, schema_text
 from camcal.formats.yaml_io import load_yaml
 from camcal.geometry.camera import Camera
-from camcal.observations import Intrinsics
+from camcal.records import Intrinsics
 from camcal.workflows.export_board import export_board
 
 jsonschema = pytest.importorskip("jsonschema")

@@ -13,7 +13,8 @@ from camcal.calibration.solve import solve
 from camcal.compare.projection import predicted_difference_px, predicted_length_px, projection_difference, projection_shifts
 from camcal.formats.corners_file import load_corners
 from camcal.geometry.camera import Camera
-from camcal.observations import Detection, Intrinsics
+from camcal.observations import Detection
+from camcal.records import Intrinsics
 from camcal.trust.cross_validation import CrossValidation, balanced_splits, cross_validate
 from camcal.trust.influence import influence
 from camcal.trust.linearised import Linearised, inverse

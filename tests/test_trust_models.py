@@ -13,7 +13,8 @@ from camcal.calibration.normal_equations import Observations, State, view_costs
 from camcal.calibration.solve import solve
 from camcal.compare.projection import predicted_difference_px, projection_difference
 from camcal.geometry.camera import Camera
-from camcal.observations import Detection, Intrinsics
+from camcal.observations import Detection
+from camcal.records import Intrinsics
 from camcal.trust.fisheye import AngleLens, FisheyeFit, check_fisheye, fit_fisheye
 from camcal.trust.held_out import POLYNOMIALS, RATIONALS, Candidate, Judge
 from camcal.trust.linearised import Linearised

@@ -18,7 +18,7 @@ from camcal.errors import InputError, SolveError
 from camcal.formats.board_file import load_board
 from camcal.formats.images import find_images, read_gray, write_image
 from camcal.geometry.pose import Pose
-from camcal.observations import Intrinsics
+from camcal.records import Intrinsics
 from camcal.refinement.look import Look, completed_looks, flat_noise, measured_look
 from camcal.refinement.warped import refine_warped
 from camcal.synthesis.psf import sharpened

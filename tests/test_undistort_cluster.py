@@ -27,7 +27,8 @@ from camcal.errors import InputError
 from camcal.formats.camera_file import save_intrinsics
 from camcal.formats.ledger_file import LEDGER_NAME, Stamp
 from camcal.geometry.camera import Camera
-from camcal.observations import Intrinsics, Rejected
+from camcal.observations import Rejected
+from camcal.records import Intrinsics
 from camcal.workflows.undistort import cluster as undistort_cluster
 from camcal.workflows.undistort.cluster import Task, do_task
 from camcal.workflows.undistort.geometry import Geometry

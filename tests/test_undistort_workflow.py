@@ -27,7 +27,7 @@ from camcal.formats.corners_file import load_corners
 from camcal.formats.images import read_image
 from camcal.formats.ledger_file import LEDGER_NAME
 from camcal.geometry.camera import Camera
-from camcal.observations import Intrinsics
+from camcal.records import Intrinsics
 from camcal.verdict import Finding, Verdict
 from camcal.workflows.undistort import work as undistort_work
 

@@ -13,7 +13,7 @@ import pytest
 import camcal
 from camcal.compare.parameters import parameter_errors
 from camcal.formats.camera_file import load_intrinsics, save_intrinsics
-from camcal.observations import Intrinsics
+from camcal.records import Intrinsics
 from camcal.threads import single_threaded
 from camcal.verdict import Finding, Verdict
 

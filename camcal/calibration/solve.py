@@ -18,7 +18,8 @@ from camcal.calibration.search import lowest_minimum
 from camcal.calibration.views import FEWEST_VIEWS, too_few_views, usable_views
 from camcal.errors import DetectionError, SolveError
 from camcal.geometry.arrays import FloatArray, IntArray
-from camcal.observations import BoardShape, Calibration, Detection, Rejected
+from camcal.observations import Calibration, Detection, Rejected
+from camcal.records import BoardShape
 from camcal.threads import single_threaded
 
 

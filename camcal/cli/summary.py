@@ -15,7 +15,8 @@ from camcal.rounding import plus_minus
 
 if TYPE_CHECKING:
     from camcal.geometry.camera import Camera
-    from camcal.observations import BoardShape, Calibration, Intrinsics, Uncertainty
+    from camcal.observations import Calibration
+    from camcal.records import BoardShape, Intrinsics, Uncertainty
     from camcal.verdict import Verdict
     from camcal.workflows.calibrate import CalibrationRun
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camcal.observations import Intrinsics
+from camcal.records import Intrinsics
 
 
 @dataclass(frozen=True, slots=True)

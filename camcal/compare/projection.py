@@ -10,7 +10,7 @@ from camcal.errors import InputError
 from camcal.geometry.arrays import FloatArray
 from camcal.geometry.camera import Camera
 from camcal.geometry.pose import rotate_with_jacobian
-from camcal.observations import Intrinsics
+from camcal.records import Intrinsics
 
 _GRID_COLUMNS = 64
 _ROTATION_STEPS = 20

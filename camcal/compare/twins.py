@@ -9,7 +9,7 @@ import numpy as np
 
 from camcal.compare.projection import predicted_difference_px, projection_difference
 from camcal.geometry.arrays import BoolArray, FloatArray, IntArray
-from camcal.observations import Intrinsics
+from camcal.records import Intrinsics
 
 _CERTAIN_SIGMAS = 3.0
 

@@ -15,7 +15,7 @@ from camcal.formats.text import file_in
 from camcal.formats.versions import CAMERA_FORMAT_VERSION
 from camcal.formats.yaml_plain import plain_yaml
 from camcal.geometry.arrays import FloatArray
-from camcal.observations import ImageSigma, Intrinsics, Uncertainty
+from camcal.records import ImageSigma, Intrinsics, Uncertainty
 
 CAMERA_FILE_NAME = "camera.yaml"
 

@@ -16,7 +16,7 @@ from camcal.formats.versions import CAMERA_FORMAT_VERSION
 from camcal.formats.yaml_plain import float_text
 from camcal.geometry.arrays import FloatArray
 from camcal.geometry.camera import Camera
-from camcal.observations import BoardShape, ImageSigma, Intrinsics, Uncertainty
+from camcal.records import BoardShape, ImageSigma, Intrinsics, Uncertainty
 from camcal.verdict import Finding, Verdict
 
 _LONGEST_FILE_BYTES = 200_000

@@ -23,7 +23,7 @@ from camcal.formats.versions import CAMERA_FORMAT_VERSION
 from camcal.formats.yaml_io import Document, KeyPath, describe
 from camcal.geometry.arrays import FloatArray
 from camcal.geometry.camera import Camera
-from camcal.observations import BoardShape, ImageSigma, Intrinsics, Uncertainty
+from camcal.records import BoardShape, ImageSigma, Intrinsics, Uncertainty
 from camcal.verdict import Finding, Verdict
 
 FISHEYES = ("equidistant", "fisheye", "kannala_brandt", "kannala_brandt4", "omnidirectional", "mei")

@@ -10,7 +10,7 @@ from camcal.formats.output import write_atomically
 from camcal.formats.text import file_in
 from camcal.formats.versions import VIEWS_FORMAT_VERSION
 from camcal.formats.yaml_dump import dump_yaml
-from camcal.observations import ViewRecord
+from camcal.records import ViewRecord
 
 VIEWS_FILE_NAME = "views.yaml"
 

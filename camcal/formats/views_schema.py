@@ -12,7 +12,7 @@ from camcal.formats.validation import AnyNumber, Count, Name, Number, Schema, Te
 from camcal.formats.versions import VIEWS_FORMAT_VERSION
 from camcal.formats.yaml_io import Document, KeyPath, load_yaml
 from camcal.geometry.pose import Pose
-from camcal.observations import ViewRecord
+from camcal.records import ViewRecord
 
 Triple = Annotated[list[Number], list_of(3)]
 

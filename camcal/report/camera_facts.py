@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from camcal.observations import ImageSigma, Intrinsics
+from camcal.records import ImageSigma, Intrinsics
 from camcal.report.lens import lens_words
 from camcal.report.record import Record
 from camcal.rounding import rounded, spread

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from camcal.boards.base import Board
-from camcal.observations import Calibration, Intrinsics
+from camcal.observations import Calibration
+from camcal.records import Intrinsics
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from camcal.boards.base import Board
-from camcal.observations import Calibration, Uncertainty
+from camcal.observations import Calibration
+from camcal.records import Uncertainty
 from camcal.threads import single_threaded
 from camcal.trust.board_tests import board_findings
 from camcal.trust.consistency import consistency

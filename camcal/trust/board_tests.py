@@ -13,7 +13,8 @@ from camcal.compare.projection import predicted_difference_px, projection_differ
 from camcal.errors import InputError
 from camcal.geometry.arrays import FloatArray
 from camcal.geometry.camera import Camera
-from camcal.observations import Calibration, Intrinsics
+from camcal.observations import Calibration
+from camcal.records import Intrinsics
 from camcal.trust.linearised import inverse
 from camcal.trust.minimum import ONE_LENS, Minimum
 from camcal.trust.wording import rounded

@@ -9,7 +9,8 @@ from camcal.calibration.advice import fitting_advice
 from camcal.calibration.causes import seen_from_behind, swapped_board
 from camcal.calibration.limits import ASPECT_RANGE, DOUBTFUL_RELATIVE_FOCAL_SIGMA, LARGEST_RMS_PX
 from camcal.calibration.parameters import distortion_names
-from camcal.observations import Calibration, Uncertainty
+from camcal.observations import Calibration
+from camcal.records import Uncertainty
 from camcal.verdict import Finding
 
 # Shares of the image: where less than the first is known to a pixel at the boards' range, the camera is of little use;

@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from camcal.geometry.arrays import FloatArray
 from camcal.geometry.pose import cross_matrix
-from camcal.observations import Calibration, ImageSigma, Uncertainty
+from camcal.observations import Calibration
+from camcal.records import ImageSigma, Uncertainty
 
 SHARE_LIMITS_PX = (0.1, 0.5, 1.0)
 """The image's share below each of these is reported."""

@@ -18,7 +18,8 @@ from camcal.formats.camera_file import uncertainty_values
 from camcal.formats.corner_exchange.table import is_corners_path
 from camcal.formats.images import ImageFile
 from camcal.formats.output import claim_folder
-from camcal.observations import Calibration, Intrinsics
+from camcal.observations import Calibration
+from camcal.records import Intrinsics
 from camcal.trust.assess import NO_GATES, Assessment, Gates, assess
 from camcal.verdict import Verdict
 from camcal.workflows.calibration_files import Origin, write_calibration

@@ -17,7 +17,8 @@ from camcal.formats.corners_file import save_corners
 from camcal.formats.images import ImageFile
 from camcal.formats.views_file import VIEWS_FILE_NAME, load_views_and_options, save_views
 from camcal.geometry.arrays import BoolArray, FloatArray
-from camcal.observations import Calibration, Detection, Outlier, ViewRecord
+from camcal.observations import Calibration, Detection, Outlier
+from camcal.records import ViewRecord
 from camcal.workflows.report import REPORT_FILE_NAME
 
 if TYPE_CHECKING:

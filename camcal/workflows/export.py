@@ -12,7 +12,7 @@ from camcal.formats.exchange.table import format_named
 from camcal.formats.exchange.writing import suffix_of, written
 from camcal.formats.output import claim_file, write_atomically
 from camcal.geometry.camera import Camera
-from camcal.observations import Intrinsics
+from camcal.records import Intrinsics
 from camcal.workflows.reporting import LogReporter, Reporter
 
 MAX_REFIT_PX = 3.0

@@ -11,7 +11,7 @@ from camcal.formats.exchange.reading import chosen, read_cameras, with_size
 from camcal.formats.exchange.refit import from_foreign
 from camcal.formats.output import claim_file
 from camcal.formats.text import file_in
-from camcal.observations import Intrinsics
+from camcal.records import Intrinsics
 from camcal.workflows.export import MAX_REFIT_PX
 from camcal.workflows.reporting import LogReporter, Reporter
 

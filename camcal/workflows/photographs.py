@@ -15,7 +15,8 @@ from camcal.formats.imaging.header import image_size
 from camcal.formats.imaging.pixels import Coding, decode, encode
 from camcal.formats.text import read_bytes
 from camcal.geometry.camera import Camera
-from camcal.observations import Calibration, Image, ViewRecord
+from camcal.observations import Calibration, Image
+from camcal.records import ViewRecord
 from camcal.report.photograph import Photograph, Picture
 from camcal.undistortion.maps import UndistortMap, undistort_image, undistort_map
 from camcal.undistortion.target import target_camera

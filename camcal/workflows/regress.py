@@ -19,7 +19,8 @@ from camcal.formats.corners_file import load_corners
 from camcal.formats.junit_file import save_junit
 from camcal.formats.scenario_file import load_scenario
 from camcal.geometry.arrays import FloatArray
-from camcal.observations import Detection, Intrinsics
+from camcal.observations import Detection
+from camcal.records import Intrinsics
 from camcal.resources import config_names, config_path
 from camcal.synthesis.bound import corner_bound, sensor_noise_levels
 from camcal.synthesis.poses import sample_pose

@@ -16,7 +16,8 @@ from camcal.formats.camera_file import CAMERA_FILE_NAME, load_intrinsics
 from camcal.formats.corners_file import CornersTable, load_corner_table
 from camcal.formats.views_file import load_views_and_options
 from camcal.geometry.arrays import BoolArray, FloatArray
-from camcal.observations import Calibration, Detection, Intrinsics, Outlier, Rejected, ViewRecord
+from camcal.observations import Calibration, Detection, Outlier, Rejected
+from camcal.records import Intrinsics, ViewRecord
 from camcal.threads import single_threaded
 from camcal.trust.minimum import Minimum
 

@@ -15,7 +15,8 @@ from camcal.formats.images import write_image
 from camcal.formats.output import claim_folder
 from camcal.formats.scenario_file import load_scenario
 from camcal.formats.views_file import save_views
-from camcal.observations import Detection, Intrinsics, ViewRecord
+from camcal.observations import Detection
+from camcal.records import Intrinsics, ViewRecord
 from camcal.resources import config_path
 from camcal.synthesis.render import render_view
 from camcal.synthesis.scenario import Scenario

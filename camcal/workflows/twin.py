@@ -22,7 +22,8 @@ from camcal.errors import CamcalError, InputError
 from camcal.formats.images import ImageFile, write_image
 from camcal.geometry.camera import Camera
 from camcal.geometry.pose import Pose
-from camcal.observations import Calibration, Image, Intrinsics
+from camcal.observations import Calibration, Image
+from camcal.records import Intrinsics
 from camcal.refinement.look import Look
 from camcal.synthesis.psf import sharpened
 from camcal.synthesis.render import render_ideal

@@ -13,7 +13,7 @@ from camcal.formats.camera_layout import LARGEST_SIDE_PX
 from camcal.formats.yaml_io import Document, KeyPath, describe, format_path
 from camcal.geometry.arrays import FloatArray
 from camcal.geometry.camera import Camera
-from camcal.observations import Intrinsics
+from camcal.records import Intrinsics
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 """OpenCV's order, which is camcal's."""

@@ -13,7 +13,7 @@ from camcal.formats.exchange.loaded import load_file
 from camcal.formats.exchange.profile import Exchanged
 from camcal.formats.exchange.table import FORMATS, Format, format_named
 from camcal.nearest import did_you_mean
-from camcal.observations import Intrinsics
+from camcal.records import Intrinsics
 
 _NAMED_AT_ONCE = 8
 _KINDS = {"yaml": "a YAML file", "json": "a JSON file", "xml": "an XML file", "python": "a Python dict"}

@@ -12,7 +12,7 @@ from camcal.errors import InputError
 from camcal.formats.exchange.profile import LensfunNames, Outgoing, one_line
 from camcal.formats.exchange.refit import Refit, refitted
 from camcal.formats.exchange.table import Format
-from camcal.observations import Intrinsics
+from camcal.records import Intrinsics
 
 
 @dataclass(frozen=True, slots=True, eq=False)

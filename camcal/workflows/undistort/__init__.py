@@ -10,7 +10,7 @@ from camcal.formats.camera_file import load_intrinsics
 from camcal.formats.images import ImageFile
 from camcal.formats.imaging.header import MOST_PIXELS
 from camcal.geometry.camera import Camera
-from camcal.observations import Intrinsics
+from camcal.records import Intrinsics
 from camcal.workflows.inputs import Inputs, as_paths
 from camcal.workflows.reporting import LogReporter, Reporter
 from camcal.workflows.undistort.companions import Companions, camera_of_results

@@ -9,7 +9,7 @@ from camcal.errors import InputError
 from camcal.formats.camera_file import camera_yaml
 from camcal.formats.images import write_image
 from camcal.formats.output import write_atomically
-from camcal.observations import Intrinsics
+from camcal.records import Intrinsics
 from camcal.undistortion.maps import UndistortMap, dense_map, valid_mask
 from camcal.workflows.undistort.geometry import Cameras
 from camcal.workflows.undistort.inputs import COMPANIONS

@@ -11,7 +11,7 @@ from camcal.errors import InputError
 from camcal.formats.points_file import PointsTable, load_points, save_points
 from camcal.formats.text import shown
 from camcal.geometry.arrays import FloatArray
-from camcal.observations import Intrinsics
+from camcal.records import Intrinsics
 from camcal.undistortion.points import undistort_points
 from camcal.workflows.reporting import Reporter
 from camcal.workflows.undistort.companions import Companions, camera_of_results
