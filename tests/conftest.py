@@ -6,7 +6,10 @@ import os
 from pathlib import Path
 
 import pytest
+from undistort_files import CAMERA
 
+from camcal.formats.camera_file import save_intrinsics
+from camcal.records import Intrinsics
 from camcal.workflows.calibrate import calibrate
 from camcal.workflows.synth import synth
 
@@ -50,3 +53,11 @@ def photos() -> Path:
     if not folder:
         pytest.skip("CAMCAL_PHOTOS is not set: no photographs here")
     return Path(folder)
+
+
+@pytest.fixture(scope="session")
+def camera_file(tmp_path_factory) -> Path:
+    """The file of a small camera with a lens. Not to be written into."""
+    path = tmp_path_factory.mktemp("camera") / "small.yaml"
+    save_intrinsics(path, Intrinsics(CAMERA, name="small"))
+    return path
