@@ -17,16 +17,13 @@ import click
 import cv2
 import numpy as np
 import pytest
+from undistort_files import CAMERA, SIZE
 from videos import make_video, read_video
 
 from camcal.cli import cli, main
 from camcal.formats.camera_file import load_intrinsics, save_intrinsics
 from camcal.formats.ledger_file import LEDGER_NAME
-from camcal.geometry.camera import Camera
 from camcal.records import Intrinsics
-
-SIZE = (64, 48)
-CAMERA = Camera(SIZE, [[50, 0, 30.3], [0, 51, 24.7], [0, 0, 1]], [-0.2, 0.05, 0.001, -0.002, 0])
 
 
 @pytest.fixture
