@@ -186,8 +186,8 @@ def test_a_plan_with_odd_names_is_lines_of_text(run):
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (("photos", "-o", "o", "--size", "32"), "'32' is not WIDTHxHEIGHT, such as 1920x1080. See"),
-        (("photos", "-o", "o", "--size", "0x4"), "--size: no image size (got 0x4"),
+        (("photos", "-o", "o", "--size", "32"), "'32' is not WIDTHxHEIGHT in pixels, such as 1920x1080. See"),
+        (("photos", "-o", "o", "--size", "0x4"), "'0x4' is not WIDTHxHEIGHT in pixels"),
         (("photos", "-o", "o", "--fill", "red"), "'red' is neither a number nor R,G,B. See"),
         (
             ("photos", "-o", "o", "--fill", "1,2"),

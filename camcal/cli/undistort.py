@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,6 +12,7 @@ import click
 
 from camcal.cli import options
 from camcal.cli.console import ConsoleReporter, say, say_wrapped
+from camcal.cli.image_size import read_size
 from camcal.errors import InputError
 
 if TYPE_CHECKING:
@@ -46,16 +46,6 @@ class _Command(options.Command):
         for name, records in sections.items():
             with formatter.section(name):
                 formatter.write_dl(records)
-
-
-def _size(context: click.Context, parameter: click.Parameter, value: str | None) -> tuple[int, int] | None:
-    """Read WIDTHxHEIGHT."""
-    if value is None:
-        return None
-    match = re.fullmatch(r"(\d+)[x×](\d+)", value.strip())
-    if match is None:
-        raise click.BadParameter(f"{value!r} is not WIDTHxHEIGHT, such as 1920x1080.", context, parameter)
-    return int(match[1]), int(match[2])
 
 
 def _fill(context: click.Context, parameter: click.Parameter, value: str | None) -> float | tuple[float, ...] | None:
@@ -95,7 +85,7 @@ _main, _geometry, _pixels, _videos, _run = map(_in, (_MAIN, _GEOMETRY, _PIXELS, 
     help="0: only pixels that see the source; 1: every pixel of the source.",
 )
 @_geometry("--fov", "fov_deg", type=float, metavar="DEG", help="Horizontal field of view, instead of --alpha.")
-@_geometry("--size", metavar="WxH", callback=_size, help="Size of the results.  [default: the camera's]")
+@_geometry("--size", metavar="WxH", callback=read_size, help="Size of the results.  [default: the camera's]")
 @_geometry("--scale", default=1.0, type=float, metavar="S", help="Factor by which the results are larger than that.")
 @_geometry(
     "--crop", default="none", type=click.Choice(["valid", "none"]), help="valid: the largest rectangle that sees the source."
