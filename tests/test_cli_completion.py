@@ -7,8 +7,9 @@ import subprocess
 import sys
 
 import pytest
+from every_command import COMMANDS
 
-from camcal.cli import cli, main
+from camcal.cli import main
 from camcal.resources import config_names, sample_board_names
 
 SHELLS = ("bash", "zsh", "fish")
@@ -66,7 +67,7 @@ def test_script(shell, capsys):
 
 def test_every_argument_that_is_text_can_be_completed():
     """An argument, and an option that takes a file or a folder, has a type that completes something, whoever wrote it."""
-    for name, command in cli.commands.items():
+    for name, command in COMMANDS.items():
         for parameter in command.params:
             shown = parameter.metavar or ""
             if parameter.param_type_name == "argument" or "FILE" in shown or "DIR" in shown:

@@ -6,8 +6,9 @@ import re
 import shutil
 
 import pytest
+from every_command import COMMANDS
 
-from camcal.cli import cli, main
+from camcal.cli import main
 from camcal.workflows.reporting import SilentReporter
 from camcal.workflows.telling import tell_unrefined
 
@@ -28,7 +29,7 @@ def verbose_calibration(dataset, tmp_path, capsys):
     return call
 
 
-@pytest.mark.parametrize("name", ["", *sorted(cli.commands)])
+@pytest.mark.parametrize("name", ["", *sorted(COMMANDS)])
 def test_every_command_has_both(name, capsys):
     """And the help says so."""
     assert main([*([name] if name else []), "-h"]) == 0

@@ -10,8 +10,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from every_command import COMMANDS
 
-from camcal.cli import cli, main
+from camcal.cli import main
 from camcal.cli.console import fitted, print_facts, print_table, say_wrapped
 from camcal.cli.regress import print_regression
 from camcal.cli.summary import print_calibration
@@ -187,7 +188,7 @@ def test_wrapping_keeps_long_words_and_hyphens():
     assert lines == ["- the images of", f"  {path}", "  were left alone"]
 
 
-@pytest.mark.parametrize("name", ["", *sorted(cli.commands)])
+@pytest.mark.parametrize("name", ["", *sorted(COMMANDS)])
 def test_help(name, monkeypatch, capsys):
     """On a terminal of 80 columns."""
     monkeypatch.setenv("COLUMNS", "80")

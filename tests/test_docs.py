@@ -10,9 +10,10 @@ import shlex
 from pathlib import Path
 
 import pytest
+from every_command import COMMANDS
 
 import camcal
-from camcal.cli import cli, main
+from camcal.cli import main
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -56,7 +57,7 @@ def test_readme_commands_print_what_it_shows(tmp_path, monkeypatch, capsys):
 
 def test_readme_names_every_command_and_option_value():
     """The command table lists each command; the exit codes listed are those of the error classes."""
-    for name in cli.commands:
+    for name in COMMANDS:
         assert f"camcal {name}" in README
     for error in (camcal.InputError, camcal.DetectionError, camcal.SolveError, camcal.QualityError):
         assert re.search(rf"^\| {error.exit_code} \|", README, flags=re.MULTILINE)

@@ -16,6 +16,7 @@ import click
 import cv2
 import numpy as np
 import pytest
+from every_command import COMMANDS
 
 import camcal
 from camcal.cli import cli, main
@@ -98,17 +99,14 @@ def test_commands_parse(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name, *arguments in commands(page):
         with click.Context(cli, info_name="camcal") as parent:
-            cli.commands[name].make_context(name, arguments, parent=parent).close()
+            COMMANDS[name].make_context(name, arguments, parent=parent).close()
 
 
 @pytest.mark.parametrize("page", sorted(PAGES))
 def test_options_named_in_the_text_exist(page):
     """Every `--option` that a page names is one of some command."""
     known = {
-        name
-        for command in cli.commands.values()
-        for option in command.params
-        for name in (*option.opts, *option.secondary_opts)
+        name for command in COMMANDS.values() for option in command.params for name in (*option.opts, *option.secondary_opts)
     }
     for code in re.findall(r"`([^`]+)`", text_of(page)):
         for name in re.findall(r"(?<!\S)--[a-z][a-z-]*", code):

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from every_command import COMMANDS
 
 from camcal.cli import cli, main
 from camcal.workflows.calibrate import calibrate
@@ -72,20 +73,20 @@ def last_line(text: str) -> str:
 
 
 @pytest.mark.parametrize("flag", ["-h", "--help"])
-@pytest.mark.parametrize("name", ["", *sorted(cli.commands)])
+@pytest.mark.parametrize("name", ["", *sorted(COMMANDS)])
 def test_help_ends_in_its_example(name, flag, capsys):
     """Both ways to ask for help, for camcal and for each command: it ends in the example, which names the command."""
     assert main([*([name] if name else []), flag]) == 0
     example = last_line(capsys.readouterr().out)
     assert example.startswith(f"camcal {name}".strip())
-    assert example == (cli.commands[name] if name else cli).epilog.removeprefix("Example: ")
+    assert example == (COMMANDS[name] if name else cli).epilog.removeprefix("Example: ")
 
 
-@pytest.mark.parametrize("name", sorted(cli.commands))
+@pytest.mark.parametrize("name", sorted(COMMANDS))
 def test_example_runs(name, made, tmp_path, monkeypatch, capsys):
     """In a folder that holds what the example names, and not what it writes."""
     monkeypatch.chdir(tmp_path)
-    program, *arguments = shlex.split((cli.commands[name].epilog or "").removeprefix("Example: "))
+    program, *arguments = shlex.split((COMMANDS[name].epilog or "").removeprefix("Example: "))
     assert (program, arguments[0]) == ("camcal", name)
     written = {arguments[at + 1] for at, flag in enumerate(arguments[:-1]) if flag in {"-o", "--output"}}
     for start, make in FOUND.items():

@@ -17,10 +17,11 @@ import click
 import cv2
 import numpy as np
 import pytest
+from every_command import COMMANDS
 from undistort_files import CAMERA, SIZE
 from videos import make_video, read_video
 
-from camcal.cli import cli, main
+from camcal.cli import main
 from camcal.formats.camera_file import load_intrinsics, save_intrinsics
 from camcal.formats.ledger_file import LEDGER_NAME
 from camcal.records import Intrinsics
@@ -244,7 +245,7 @@ def test_the_cluster_is_an_extra(run, monkeypatch):
 
 def test_the_help_is_in_sections():
     """Every option stands in one of them, once."""
-    command = cli.commands["undistort"]
+    command = COMMANDS["undistort"]
     text = command.get_help(click.Context(command, info_name="camcal undistort")).partition("Example:")[0]
     sections = re.findall(r"^(\w[\w ]*):$", text, flags=re.MULTILINE)
     assert sections == ["Options", "Geometry", "Pixels and formats", "Videos", "Run"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import io
 import os
 import sys
@@ -12,26 +13,30 @@ import click
 
 from camcal import __version__
 from camcal.cli import completion, options
-from camcal.cli.board import board
-from camcal.cli.calibrate import calibrate
-from camcal.cli.completion_script import completion as completion_script
 from camcal.cli.console import complain, say
-from camcal.cli.demo import demo
-from camcal.cli.detect import detect
-from camcal.cli.export import export
 from camcal.cli.formatting import Context
-from camcal.cli.import_ import import_
 from camcal.cli.loudness import loudness_options
-from camcal.cli.regress import regress
-from camcal.cli.report import report
-from camcal.cli.schema import schema
-from camcal.cli.synth import synth
-from camcal.cli.undistort import undistort
-from camcal.cli.verify import verify
 from camcal.errors import CamcalError, InputError
 from camcal.nearest import did_you_mean
 
-_UNCUT = 500
+COMMANDS = {
+    "board": "Write a board as a page to print, true to scale.",
+    "calibrate": "Find the board in photographs and solve for the camera.",
+    "completion": "Print a script that lets a shell complete commands, options, files and shipped names.",
+    "demo": "Show the whole chain: render a dataset, calibrate from its pixels, undistort it, compare with the truth.",
+    "detect": "Find the board in photographs, and show what was seen.",
+    "export": "Write a camera, a board or corners for another tool, in its own convention of pixels.",
+    "import": "Read another tool's camera and write it as a camera file.",
+    "regress": "Run the accuracy suite: render, calibrate from pixels, compare with the truth.",
+    "report": "Make the page of a calibration again.",
+    "schema": "Print the JSON Schema of a YAML file, with which editors complete and check it.",
+    "synth": "Render a board through a known camera, with the exact truth beside the images.",
+    "undistort": "Take the lens out of images, videos or points.",
+    "verify": "Tell how far an estimated camera is from the truth.",
+}
+"""The commands, each with the first sentence of its help, so that the list of them needs none of their modules."""
+_HOMES = {"completion": "completion_script", "import": "import_"}
+"""Modules of `camcal.cli`, and functions in them, that are not called as their command is."""
 
 
 class Commands(click.Group):
@@ -43,18 +48,30 @@ class Commands(click.Group):
         super().__init__(*arguments, **settings)
         self.params[:0] = loudness_options()
 
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        """Return the names of all commands."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        """Import the command of a name when it is asked for; None if there is none."""
+        if cmd_name not in COMMANDS:
+            return None
+        home = _HOMES.get(cmd_name, cmd_name)
+        command: click.Command = getattr(importlib.import_module(f"camcal.cli.{home}"), home)
+        return command
+
     def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the command, or say which was probably meant."""
         name = args[0]
-        if name in self.commands or ctx.resilient_parsing or name.startswith("-"):
+        if name in COMMANDS or ctx.resilient_parsing or name.startswith("-"):
             return super().resolve_command(ctx, args)
-        advice = did_you_mean(name, self.commands) or f" Expected one of {', '.join(self.commands)}."
+        advice = did_you_mean(name, COMMANDS) or f" Expected one of {', '.join(COMMANDS)}."
         raise click.UsageError(f"No such command {name!r}.{advice}", ctx)
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
         """Write each command with the whole of its first sentence."""
         with formatter.section("Commands"):
-            formatter.write_dl([(name, self.commands[name].get_short_help_str(_UNCUT)) for name in self.list_commands(ctx)])
+            formatter.write_dl(list(COMMANDS.items()))
 
 
 def _show_version(context: click.Context, _: click.Parameter, wanted: bool) -> None:
@@ -81,24 +98,6 @@ def cli(context: click.Context) -> None:
     if context.invoked_subcommand is None:
         click.echo(context.get_help(), err=True)
         context.exit(InputError.exit_code)
-
-
-for _command in (
-    demo,
-    board,
-    synth,
-    detect,
-    calibrate,
-    report,
-    undistort,
-    verify,
-    regress,
-    export,
-    import_,
-    schema,
-    completion_script,
-):
-    cli.add_command(_command)
 
 
 def run(arguments: Sequence[str]) -> int:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import click
 
-from camcal.cli import completion as completing
-from camcal.cli import options
+from camcal.cli import completion, options
 from camcal.cli.console import say
 
 
-@click.command(cls=options.Command, epilog="Example: camcal completion bash")
+@click.command("completion", cls=options.Command, epilog="Example: camcal completion bash")
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 @options.help_option
 @click.pass_context
-def completion(context: click.Context, shell: str) -> None:
+def completion_script(context: click.Context, shell: str) -> None:
     """Print a script that lets a shell complete commands, options, files and shipped names.
 
     \b
@@ -29,4 +28,4 @@ def completion(context: click.Context, shell: str) -> None:
     if script is None:
         raise AssertionError(f"click has no completion for {shell}")
     # Not its own source(): bash's would ask the bash that is installed here, which need not be the one that reads this.
-    say(ShellComplete.source(script(context.find_root().command, {}, "camcal", completing.VARIABLE)).rstrip("\n"))
+    say(ShellComplete.source(script(context.find_root().command, {}, "camcal", completion.VARIABLE)).rstrip("\n"))

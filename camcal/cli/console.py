@@ -14,7 +14,7 @@ import click
 
 from camcal.cli import style
 from camcal.cli.loudness import DETAILS, NO_PROGRESS, NO_WARNINGS, loudness
-from camcal.cli.width import WIDTH, shortened, wrapped
+from camcal.cli.width import WIDTH, shortened, terminal_columns, wrapped
 from camcal.errors import InputError
 
 if TYPE_CHECKING:
@@ -111,16 +111,8 @@ def _line(announced: str, text: str) -> str:
     line = "".join(character if character.isprintable() else repr(character)[1:-1] for character in text)
     if style.is_terminal(sys.stderr):
         plain = click.unstyle(announced) + " "
-        line = wrapped(line, plain, "  ", _columns(sys.stderr))[len(plain) :]
+        line = wrapped(line, plain, "  ", terminal_columns(sys.stderr))[len(plain) :]
     return f"{announced} {line}"
-
-
-def _columns(stream: TextIO) -> int:
-    """Return how many columns a terminal has."""
-    try:
-        return os.get_terminal_size(stream.fileno()).columns or WIDTH
-    except (OSError, ValueError):
-        return WIDTH
 
 
 def silence(stream: TextIO) -> None:

@@ -2,12 +2,32 @@
 
 from __future__ import annotations
 
+import os
 import textwrap
 from collections.abc import Sequence
+from typing import TextIO
 
 WIDTH = 80
 """Columns that every output fits into, as long as no single word is longer."""
 _ELLIPSIS = "…"
+
+
+def terminal_columns(stream: TextIO) -> int:
+    """Return how many columns a terminal has: what `COLUMNS` says, or the terminal itself; `WIDTH` if neither does.
+
+    `shutil.get_terminal_size` says the same, but loads every kind of compression before it does.
+
+    Parameters
+    ----------
+    stream : text stream
+    """
+    told = os.environ.get("COLUMNS", "")
+    if told.isdecimal() and int(told) > 0:
+        return int(told)
+    try:
+        return os.get_terminal_size(stream.fileno()).columns or WIDTH
+    except (OSError, ValueError):
+        return WIDTH
 
 
 def shortened(text: str, room: int) -> str:
