@@ -10,14 +10,14 @@ that follows the spacing, cv2.calibrateCamera.
 from __future__ import annotations
 
 import argparse
-import os
 import shutil
 import statistics
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
+
+from processes import alternating, ratio
 
 SCENE = """
 name: benchmark
@@ -53,16 +53,6 @@ print(len(points), rms, K, dist)
 """
 
 
-def measure(command: list[str]) -> tuple[float, float]:
-    """CPU and wall seconds of a finished process and its children."""
-    start = time.perf_counter()
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    _, status, usage = os.wait4(process.pid, 0)
-    if status:
-        sys.exit(f"{' '.join(command)}: failed with status {status}")
-    return usage.ru_utime + usage.ru_stime, time.perf_counter() - start
-
-
 def main() -> None:
     """Render the views, run all in turn, print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -83,18 +73,13 @@ def main() -> None:
             "camcal --refine saddle": [*ours, "--refine", "saddle"],
             "camcal": ours,
         }
-        measured: dict[str, list[tuple[float, float]]] = {label: [] for label in commands}
-        for _ in range(runs + 1):
-            for label, command in commands.items():
-                measured[label].append(measure(command))
-    bare = measured["bare OpenCV script"][1:]
+        found = alternating(list(commands.values()), runs)
     print(f"{'':24}{'CPU s':>8}{'ratio':>8}{'wall s':>9}{'ratio':>8}   (medians of {runs} rounds)")
-    for label, rows in measured.items():
-        figures = []
-        for index in (0, 1):
-            figures.append(statistics.median(row[index] for row in rows[1:]))
-            figures.append(statistics.median(row[index] / other[index] for row, other in zip(rows[1:], bare, strict=True)))
-        print(f"{label:24}{figures[0]:8.3f}{figures[1]:8.2f}{figures[2]:9.3f}{figures[3]:8.2f}")
+    for label, taken in zip(commands, found, strict=True):
+        cpu_s, wall_s = (statistics.median(getattr(run, what) for run in taken) for what in ("cpu_s", "wall_s"))
+        print(
+            f"{label:24}{cpu_s:8.3f}{ratio(taken, found[0], 'cpu_s'):8.2f}{wall_s:9.3f}{ratio(taken, found[0], 'wall_s'):8.2f}"
+        )
 
 
 if __name__ == "__main__":

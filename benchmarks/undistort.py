@@ -8,11 +8,8 @@ threads share is what resampling needs most.
 from __future__ import annotations
 
 import argparse
-import os
-import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +17,7 @@ from statistics import median
 
 import cv2
 import numpy as np
+from processes import Run, alternating, measured, ratio
 
 from camcal.formats.camera_file import save_intrinsics
 from camcal.geometry.arrays import FloatArray
@@ -33,15 +31,6 @@ IMAGES = {"jpegs": (LARGE, ".jpg"), "few": (LARGE, ".jpg"), "pngs": (MEDIUM, ".p
 WORKERS = 2
 DIFFERENT_IMAGES = 4
 MEGABYTE = 1e6
-
-
-@dataclass(frozen=True, slots=True)
-class Run:
-    """What a process took: seconds of CPU and wall, and bytes of memory at its peak."""
-
-    cpu_s: float
-    wall_s: float
-    peak_bytes: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,33 +150,6 @@ def ours(folder: Path, workers: int = 1) -> list[str]:
 def other(what: str, folder: Path) -> list[str]:
     """Command that does something else with the files of a folder."""
     return [sys.executable, __file__, "--work", what, str(folder), str(folder.parent / "out"), "1"]
-
-
-def alternating(commands: list[list[str]], runs: int) -> list[list[Run]]:
-    """Run commands in turn, each once uncounted first."""
-    found: list[list[Run]] = [[] for _ in commands]
-    for turn in range(runs + 1):
-        for results, arguments in zip(found, commands, strict=True):
-            run = measured(arguments)
-            if turn:
-                results.append(run)
-    return found
-
-
-def measured(arguments: list[str]) -> Run:
-    """Run a command to its end."""
-    start = time.perf_counter()
-    process = subprocess.Popen(arguments, stdout=subprocess.DEVNULL)
-    _, status, usage = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    if process.returncode:
-        sys.exit(f"{' '.join(arguments)}: exit code {process.returncode}")
-    return Run(usage.ru_utime + usage.ru_stime, time.perf_counter() - start, usage.ru_maxrss * 1024)
-
-
-def ratio(above: Iterable[Run], below: Iterable[Run], what: str) -> float:
-    """Median over pairs of runs."""
-    return median(getattr(a, what) / getattr(b, what) for a, b in zip(above, below, strict=True))
 
 
 def peak(runs: Iterable[Run]) -> float:
