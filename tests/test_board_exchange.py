@@ -12,7 +12,8 @@ from camcal.boards.spec import parse_board
 from camcal.cli import main
 from camcal.errors import InputError
 from camcal.formats.board_file import load_board
-from camcal.workflows.export_board import export_board, is_board
+from camcal.workflows.export_board import export_board
+from camcal.workflows.exportable import what_is
 
 
 def test_an_aprilgrid_has_the_keys_that_kalibr_reads():
@@ -104,8 +105,8 @@ def test_unknown_formats_get_the_nearest():
 def test_boards_and_cameras_are_told_apart(calibrated, tmp_path):
     """By what a file says, not by its name."""
     (tmp_path / "broken.yaml").write_text("a: [")
-    assert is_board(str(calibrated / "board.yaml"))
-    assert is_board("checkerboard:9x6:25mm")
-    assert is_board("checkerboard_9x6_25mm_a4")
+    assert what_is(str(calibrated / "board.yaml")) == "boards"
+    assert what_is("checkerboard:9x6:25mm") == "boards"
+    assert what_is("checkerboard_9x6_25mm_a4") == "boards"
     for other in (calibrated / "camera.yaml", calibrated, tmp_path / "broken.yaml", tmp_path / "missing.yaml"):
-        assert not is_board(str(other))
+        assert what_is(str(other)) == "cameras"

@@ -20,18 +20,6 @@ from camcal.formats.exchange.table import FORMATS
 from camcal.workflows.export import export_camera
 
 
-@pytest.fixture
-def run(capsys):
-    """Run a command line: exit code, standard output, standard error."""
-
-    def invoke(*arguments: object) -> tuple[int, str, str]:
-        code = main([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        return code, captured.out, " ".join(captured.err.split())
-
-    return invoke
-
-
 def test_the_command_line_knows_every_format():
     """Its list, which is there before the formats are imported, is theirs."""
     assert sorted(NAMES) == sorted(FORMATS)
@@ -175,3 +163,25 @@ def test_our_own_file_does_not_wait_for_the_others(tmp_path):
     )
     done = subprocess.run([sys.executable, "-c", code, source], capture_output=True, text=True, check=True)
     assert done.stdout.split() == []
+
+
+@pytest.mark.parametrize(
+    ("given", "arguments", "told"),
+    [
+        ("camera.yaml", ("--to", "ros", "--only-used"), "--only-used: only for corners (got cameras)."),
+        ("corners.csv", ("--to", "vnl", "--no-refit"), "--no-refit: only for cameras (got corners)."),
+        ("corners.csv", ("--to", "vnl", "--max-refit-px", "3"), "--max-refit-px: only for cameras (got corners)."),
+        ("checkerboard:9x6:25mm", ("--to", "camcal", "--size", "640x480"), "--size: only for corners (got boards)."),
+        ("camera.yaml", ("--to", "ros", "--lens-name", "Zoom"), "--lens-name: only for lensfun (got --to ros)."),
+        ("camera.yaml", ("--to", "colmap", "--crop-factor", "2"), "--crop-factor: only for lensfun (got --to colmap)."),
+    ],
+)
+def test_options_that_mean_nothing_here_are_refused(run, tmp_path, monkeypatch, given, arguments, told):
+    """An option for other kinds of files, or for another format, is exit code 2, even at its default; nothing is written."""
+    monkeypatch.chdir(tmp_path)
+    saved(tmp_path, "one focal").rename("camera.yaml")
+    Path("corners.csv").touch()
+    code, out, err = run("export", given, *arguments, "-o", "new/file")
+    assert (code, out) == (2, "")
+    assert told in err
+    assert not Path("new").exists()

@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
+from click.core import ParameterSource
 
 from camcal.cli import options
 from camcal.cli.console import ConsoleReporter, say, say_wrapped
-from camcal.cli.export_other import OTHER_FORMATS, export_other
 from camcal.cli.image_size import read_size
+from camcal.errors import InputError
 
 FORMATS = ("ros", "opencv", "kalibr", "colmap", "mrcal", "nerfstudio", "matlab", "lensfun", "json")
-EVERY_FORMAT = (*FORMATS, *(name for name in OTHER_FORMATS if name not in FORMATS))
+"""Formats of cameras."""
+_OF_BOARDS = ("kalibr", "camcal")
+_OF_CORNERS = ("csv", "vnl", "matlab")
+_EVERY_FORMAT = tuple(dict.fromkeys((*FORMATS, *_OF_BOARDS, *_OF_CORNERS)))
+_ONLY_FOR = {
+    "cameras": ("max_refit_px", "no_refit", "lens_name", "crop_factor", "focal_mm"),
+    "corners": ("board", "size", "only_used"),
+}
+"""Options that mean nothing for anything else."""
 
 
 @click.command(cls=options.Command, epilog="Example: camcal export calib/ --to kalibr -o camchain.yaml")
 @click.argument("camera")
-@click.option("--to", required=True, type=click.Choice(EVERY_FORMAT, case_sensitive=False), help="The format to write.")
+@click.option("--to", required=True, type=click.Choice(_EVERY_FORMAT, case_sensitive=False), help="The format to write.")
 @click.option("-o", "--output", metavar="FILE", help="File to write.  [default: standard output]")
 @click.option("--max-refit-px", default=3.0, show_default=True, metavar="PX", help="Largest difference a refit may leave.")
 @click.option("--no-refit", is_flag=True, help="Fail (exit code 5) where the format cannot hold the camera as it is.")
@@ -27,7 +38,9 @@ EVERY_FORMAT = (*FORMATS, *(name for name in OTHER_FORMATS if name not in FORMAT
 @click.option("--only-used", is_flag=True, help="Corners: leave out those that a calibration did not use.")
 @options.force
 @options.help_option
+@click.pass_context
 def export(
+    context: click.Context,
     *,
     camera: str,
     to: str,
@@ -50,24 +63,60 @@ def export(
 
     A board (a SPEC or a board file) goes to kalibr, a file of corners to vnl, matlab or csv: give it in place of CAMERA.
     """
-    if export_other(camera, to, output, board=board, size=size, only_used=only_used, force=force):
-        return
+    from camcal.workflows.exportable import what_is
+
+    kind = what_is(camera)
+    _refuse_other_options(context, kind)
+    exported: tuple[str | bytes, str]
+    if kind == "corners":
+        exported = _corners(camera, output, to=to, board=board, size=size, only_used=only_used, force=force)
+    elif kind == "boards":
+        exported = _board(camera, output, to=to, force=force)
+    else:
+        exported = _camera(
+            camera,
+            output,
+            to=to,
+            refit=not no_refit,
+            max_refit_px=max_refit_px,
+            lens_name=lens_name or "",
+            crop_factor=crop_factor,
+            focal_mm=focal_mm,
+            force=force,
+        )
+    content, what = exported
+    if output is None:
+        say(str(content).rstrip("\n"))
+    else:
+        say_wrapped(f"{output}: {what}.")
+
+
+def _corners(given: str, output: str | None, **how: Any) -> tuple[str, str]:
+    """Export corners: the content, and what it is."""
+    from camcal.workflows.export_corners import export_corners
+
+    made = export_corners(given, output, **how)
+    return made.content, f"{made.what}, {made.corners} corners in {made.views} views"
+
+
+def _board(given: str, output: str | None, *, to: str, force: bool) -> tuple[str, str]:
+    """Export a board: the content, and what it is."""
+    from camcal.workflows.export_board import export_board
+
+    return export_board(given, output, to=to, force=force), f"the board {given} for {to}"
+
+
+def _camera(given: str, output: str | None, *, to: str, **how: Any) -> tuple[str | bytes, str]:
+    """Export a camera: the content, and what it is."""
     from camcal.workflows.export import export_camera
 
-    done = export_camera(
-        camera,
-        to,
-        output,
-        refit=not no_refit,
-        max_refit_px=max_refit_px,
-        lens_name=lens_name or "",
-        crop_factor=crop_factor,
-        focal_mm=focal_mm,
-        force=force,
-        reporter=ConsoleReporter(),
-    )
-    if output is None:
-        say(str(done.content).rstrip("\n"))
-    else:
-        how = "refitted" if done.lost else "the same camera"
-        say_wrapped(f"{output}: {to}, {how}.")
+    made = export_camera(given, to, output, reporter=ConsoleReporter(), **how)
+    return made.content, f"{to}, {'refitted' if made.lost else 'the same camera'}"
+
+
+def _refuse_other_options(context: click.Context, kind: str) -> None:
+    """Refuse options that mean nothing for what is exported."""
+    for option in context.command.params:
+        home = next((several for several, names in _ONLY_FOR.items() if option.name in names), kind)
+        if home != kind and context.get_parameter_source(option.name or "") is ParameterSource.COMMANDLINE:
+            raise InputError(f"{option.opts[0]}: only for {home} (got {kind}). Leave it away.")

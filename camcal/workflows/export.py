@@ -8,7 +8,7 @@ from pathlib import Path
 from camcal.errors import InputError, QualityError
 from camcal.formats.camera_file import load_intrinsics
 from camcal.formats.exchange.profile import LensfunNames
-from camcal.formats.exchange.table import format_named
+from camcal.formats.exchange.table import FORMATS, format_named
 from camcal.formats.exchange.writing import suffix_of, written
 from camcal.formats.output import claim_file, write_atomically
 from camcal.geometry.camera import Camera
@@ -108,6 +108,10 @@ def export_camera(
     for option, value in (("--crop-factor", crop_factor), ("--focal-mm", focal_mm), ("--max-refit-px", max_refit_px)):
         if value is not None and not value > 0:
             raise InputError(f"{option}: out of range (got {value:g}, expected more than 0).")
+    if kind is not FORMATS["lensfun"]:
+        for option, given in (("--lens-name", lens_name), ("--crop-factor", crop_factor), ("--focal-mm", focal_mm)):
+            if given:
+                raise InputError(f"{option}: only for lensfun (got --to {to}). Leave it away.")
     path = None if output is None else Path(output)
     suffix = suffix_of(path, kind)
     known = _known(camera)

@@ -5,20 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from camcal import resources
 from camcal.boards.base import Board
 from camcal.errors import InputError
 from camcal.formats.board_file import board_yaml, load_board
 from camcal.formats.kalibr_target import kalibr_target
 from camcal.formats.output import claim_file, write_atomically
 from camcal.formats.text import shown
-from camcal.formats.yaml_io import load_yaml
 from camcal.nearest import did_you_mean
 
 BOARD_FORMATS: dict[str, Callable[[Board], str]] = {"camcal": board_yaml, "kalibr": kalibr_target}
 """What writes a board, by the name of the format."""
-
-SUFFIXES = (".yaml", ".yml")
 
 
 def export_board(board: str | Board, output: str | Path | None = None, *, to: str = "kalibr", force: bool = False) -> str:
@@ -62,23 +58,3 @@ def export_board(board: str | Board, output: str | Path | None = None, *, to: st
     if output is not None:
         write_atomically(claim_file(output, force=force), content)
     return content
-
-
-def is_board(given: str) -> bool:
-    """Tell whether something is a board and not a camera: a file that says its type, a sample board, or a one-liner."""
-    path = Path(given)
-    try:
-        is_file, exists = path.is_file(), path.exists()
-    except OSError:
-        return False
-    if is_file:
-        return path.suffix.lower() in SUFFIXES and _says_its_type(path)
-    return not exists and (given in resources.sample_board_names() or ":" in given)
-
-
-def _says_its_type(path: Path) -> bool:
-    """Whether a YAML file has a board's keys."""
-    try:
-        return not {"type", "target_type"}.isdisjoint(load_yaml(path).data)
-    except InputError:
-        return False
