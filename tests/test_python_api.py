@@ -186,6 +186,33 @@ def test_undistort_image_adds_a_lens_too():
     assert np.abs(difference).mean() < 1.5
 
 
+def test_undistort_takes_cameras(dataset, tmp_path):
+    """A camera in memory gives the same bytes as its file, also as the target; nothing of it has to be on disk."""
+    known = camcal.load_intrinsics(dataset)
+    camcal.undistort(dataset / "images", dataset, tmp_path / "file")
+    target = camcal.load_camera(tmp_path / "file")
+    camcal.undistort(dataset / "images", known, tmp_path / "known")
+    camcal.undistort(dataset / "images", known.camera, tmp_path / "to", target=target)
+    for name in [path.name for path in (dataset / "images").iterdir()]:
+        first = (tmp_path / "file" / name).read_bytes()
+        assert first == (tmp_path / "known" / name).read_bytes()
+        assert first == (tmp_path / "to" / name).read_bytes()
+
+
+def test_verify_takes_cameras(calibrated, dataset):
+    """Cameras in memory differ by what their files do; views need folders; a rejected one is no better for being in memory."""
+    estimate, truth = camcal.load_intrinsics(calibrated), camcal.load_camera(dataset)
+    of_files, of_cameras = camcal.verify(calibrated, dataset), camcal.verify(estimate, truth)
+    assert of_cameras.projection.max_px == of_files.projection.max_px
+    assert of_cameras.parameters == of_files.parameters
+    assert (of_files.views is None, of_cameras.views) == (False, None)
+    with pytest.raises(camcal.InputError, match="no standard deviations known of this camera"):
+        camcal.verify(estimate.camera, truth, max_sigma=4)
+    finding = Finding("large_rms", "rejected", 1.0, "RMS reprojection error is 9 px", "Look at the photographs.")
+    rejected = dataclasses.replace(estimate, verdict=Verdict((finding,)))
+    assert "not to be trusted" in camcal.verify(rejected, truth).problems[0]
+
+
 def test_calibrate_takes_arrays_and_gives_what_files_give(dataset, calibrated):
     """The same pixels in memory give the same camera to the last bit."""
     paths = sorted((dataset / "images").glob("*.png"))

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from camcal.errors import InputError, QualityError
-from camcal.formats.camera_file import load_intrinsics
 from camcal.formats.exchange.profile import LensfunNames
 from camcal.formats.exchange.table import FORMATS, format_named
 from camcal.formats.exchange.writing import suffix_of, written
 from camcal.formats.output import claim_file, write_atomically
 from camcal.geometry.camera import Camera
-from camcal.records import Intrinsics
+from camcal.workflows.given import GivenCamera, camera_name, known_camera
 from camcal.workflows.reporting import LogReporter, Reporter
 
 MAX_REFIT_PX = 3.0
@@ -43,7 +42,7 @@ class Exported:
 
 
 def export_camera(
-    camera: str | Path | Camera | Intrinsics,
+    camera: GivenCamera,
     to: str,
     output: str | Path | None = None,
     *,
@@ -114,8 +113,7 @@ def export_camera(
                 raise InputError(f"{option}: only for lensfun (got --to {to}). Leave it away.")
     path = None if output is None else Path(output)
     suffix = suffix_of(path, kind)
-    known = _known(camera)
-    source = known.name if isinstance(camera, (Camera, Intrinsics)) else str(camera)
+    known, source = known_camera(camera), camera_name(camera)
     if known.problems:
         reporter.warn(f"{source}: marked as not to be trusted: {known.problems[0]}")
     if path is not None:
@@ -134,10 +132,3 @@ def export_camera(
     if path is not None:
         write_atomically(path, made.content)
     return Exported(made.content, fit.camera, fit.lost, fit.max_px, fit.rms_px)
-
-
-def _known(camera: str | Path | Camera | Intrinsics) -> Intrinsics:
-    """All that is known of a camera, which may have to be read first."""
-    if isinstance(camera, Camera):
-        return Intrinsics(camera)
-    return camera if isinstance(camera, Intrinsics) else load_intrinsics(camera)

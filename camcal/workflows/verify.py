@@ -10,10 +10,10 @@ from camcal.compare.projection import ProjectionDifference, projection_differenc
 from camcal.compare.views import PosedView, ViewErrors, view_errors
 from camcal.errors import InputError
 from camcal.formats.board_file import load_board
-from camcal.formats.camera_file import load_intrinsics
 from camcal.formats.corners_file import load_corners
 from camcal.formats.views_file import load_views
 from camcal.workflows.comparison_report import claim_page, write_comparison
+from camcal.workflows.given import GivenCamera, camera_name, camera_path, known_camera
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +54,8 @@ class Verification:
 
 
 def verify(
-    estimate: str | Path,
-    truth: str | Path,
+    estimate: GivenCamera,
+    truth: GivenCamera,
     *,
     max_diff_px: float | None = None,
     max_sigma: float | None = None,
@@ -65,8 +65,9 @@ def verify(
 
     Parameters
     ----------
-    estimate, truth : path
-        A folder that `calibrate` or `synth` wrote, or a camera file.
+    estimate, truth : path, Camera or Intrinsics
+        A folder that `calibrate` or `synth` wrote, a camera file, or the camera itself. Views are compared if both are
+        folders.
     max_diff_px : float, optional
         Gate: the largest projection difference over the image, after the implied rotation is fitted, in pixels.
     max_sigma : float, optional
@@ -100,24 +101,24 @@ def verify(
         if limit is not None and not limit > 0:
             raise InputError(f"{option}: out of range (got {limit:g}, expected more than 0).")
     page = claim_page(html)
-    estimated, true = load_intrinsics(estimate), load_intrinsics(truth)
+    estimated, true = known_camera(estimate), known_camera(truth)
     projection = projection_difference(true.camera, estimated.camera)
     parameters = parameter_errors(true, estimated)
     if max_sigma is not None and not estimated.free:
         raise InputError(
-            f"{estimate}: no standard deviations in this camera file, which --max-sigma needs. Gate with --max-diff."
+            f"{camera_name(estimate)}: no standard deviations known of this camera, "
+            "which --max-sigma needs. Gate with --max-diff."
         )
     problems = (
         *(f"the estimate is marked as not to be trusted: {problem}" for problem in estimated.problems),
         _difference_problem(projection, max_diff_px),
         _sigma_problem(parameters, max_sigma),
     )
-    found = Verification(
-        projection, parameters, _compare_views(Path(estimate), Path(truth)), tuple(problem for problem in problems if problem)
-    )
+    views = _compare_views(camera_path(estimate), camera_path(truth))
+    found = Verification(projection, parameters, views, tuple(problem for problem in problems if problem))
     if page is not None:
         gates = {"--max-diff": max_diff_px, "--max-sigma": max_sigma}
-        write_comparison(page, found, (str(estimate), str(truth)), true.camera.size, gates)
+        write_comparison(page, found, (camera_name(estimate), camera_name(truth)), true.camera.size, gates)
     return found
 
 
@@ -143,8 +144,10 @@ def _sigma_problem(parameters: tuple[ParameterError, ...], limit: float | None) 
     )
 
 
-def _compare_views(estimate: Path, truth: Path) -> ViewErrors | None:
+def _compare_views(estimate: Path | None, truth: Path | None) -> ViewErrors | None:
     """Compare the views of two folders; None unless both have corners and the truth has its board."""
+    if estimate is None or truth is None:
+        return None
     files = [folder / name for folder in (estimate, truth) for name in ("corners.csv", "views.yaml")] + [truth / "board.yaml"]
     if not all(file.is_file() for file in files):
         return None

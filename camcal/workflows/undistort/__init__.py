@@ -6,11 +6,11 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from camcal.errors import InputError
-from camcal.formats.camera_file import load_intrinsics
 from camcal.formats.images import ImageFile
 from camcal.formats.imaging.header import MOST_PIXELS
 from camcal.geometry.camera import Camera
 from camcal.records import Intrinsics
+from camcal.workflows.given import GivenCamera, camera_name, camera_path, known_camera
 from camcal.workflows.inputs import Inputs, as_paths
 from camcal.workflows.reporting import LogReporter, Reporter
 from camcal.workflows.undistort.companions import Companions, camera_of_results
@@ -30,7 +30,7 @@ _MOST_BLIND = 0.5
 
 def undistort(
     inputs: Inputs,
-    camera: str | Path,
+    camera: GivenCamera,
     output: str | Path,
     *,
     alpha: float = 0.0,
@@ -38,7 +38,7 @@ def undistort(
     size: tuple[int, int] | None = None,
     scale: float = 1.0,
     crop: str = "none",
-    target: str | Path | None = None,
+    target: GivenCamera | None = None,
     distort: bool = False,
     rescale: bool = False,
     interpolation: str = "linear",
@@ -75,8 +75,8 @@ def undistort(
     inputs : path or sequence of path
         Image and video files, folders or patterns; or one CSV file of points with the columns x and y, whose other columns
         are kept. What is named must be of use; others, found in a folder, are rejected one by one.
-    camera : path
-        A camera file, or a folder that `calibrate` wrote.
+    camera : path, Camera or Intrinsics
+        A camera file, a folder that `calibrate` wrote, or the camera itself.
     output : path
         Folder for the results, which keep their names and places below the given folders, or the name of a single result.
     alpha : float
@@ -89,8 +89,8 @@ def undistort(
         Factor by which the results are larger than the camera's images.
     crop : str
         "none", or "valid": only the largest rectangle of pixels that see the source.
-    target : path, optional
-        A camera file of the results instead of all this.
+    target : path, Camera or Intrinsics, optional
+        The camera of the results instead of all this.
     distort : bool
         Add the lens to images of the camera that the options above describe, instead of removing it.
     rescale : bool
@@ -155,9 +155,8 @@ def undistort(
     >>> camera = camcal.Camera((640, 480), [[520, 0, 322], [0, 523, 236], [0, 0, 1]], [-0.18, 0.06])
     >>> pose = camcal.Pose.from_rvec([0.3, -0.2, 0.1], [-0.07, -0.05, 0.3])
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     camcal.save_intrinsics(f"{folder}/camera.yaml", camcal.Intrinsics(camera))
     ...     _ = cv2.imwrite(f"{folder}/left.png", camcal.render(camera, "checkerboard:7x6:20mm", pose))
-    ...     done = camcal.undistort(f"{folder}/left.png", f"{folder}/camera.yaml", f"{folder}/straight", alpha=1)
+    ...     done = camcal.undistort(f"{folder}/left.png", camera, f"{folder}/straight", alpha=1)
     >>> done.images, done.target
     (('left.png',), Camera(640x480, fx=468.201, fy=470.902, cx=322.28, cy=235.782))
     """
@@ -175,16 +174,16 @@ def undistort(
         # Images do not need it.
         from camcal.workflows.undistort.points import undistort_points_file
 
-        in_use = (camera, target)
+        in_use = (camera_path(camera), camera_path(target))
         return undistort_points_file(points, output, known, geometry, in_use, dry_run=dry_run, force=force, reporter=reporter)
     image_options = choice.image_options(most_pixels)
     found = find_sources(paths, listed=listed, recursive=recursive, without=Path(output), extension=choice.extension)
     choice.check_kinds(found.files)
     warn_of_others(found, reporter)
     place = choose_place(output, found.files, choice.extension)
-    refuse_lost_cameras(place, (camera, target))
+    refuse_lost_cameras(place, (camera_path(camera), camera_path(target)))
     cameras = _cameras(geometry, known.camera, found.files, most_pixels)
-    _warn_of_fold(camera, known.camera, geometry, reporter)
+    _warn_of_fold(camera_name(camera), known.camera, geometry, reporter)
     _warn_of_blindness(place, cameras, geometry, reporter)
     has_videos = any(file.is_video for file in found.files)
     video_options = choice.video_options(jobs or 0) if has_videos else None
@@ -207,7 +206,7 @@ def undistort_found(
     """Do what `undistort` does for images that have been found already, without a ledger to resume from."""
     known = _load_camera(camera, reporter)
     place = Place(Path(output))
-    refuse_lost_cameras(place, (camera,))
+    refuse_lost_cameras(place, (Path(camera),))
     cameras = Geometry(alpha).cameras(known.camera)
     companions = Companions(place, camera_of_results(known, cameras))
     run = Run(Setting(cameras, ImageOptions()), companions, reporter, jobs, has_ledger=False)
@@ -222,20 +221,20 @@ def _points_file(paths: Sequence[str | Path]) -> Path | None:
     return named[0] if named and not named[0].is_dir() else None
 
 
-def _load_camera(camera: str | Path, reporter: Reporter) -> Intrinsics:
+def _load_camera(camera: GivenCamera, reporter: Reporter) -> Intrinsics:
     """Read the camera, and pass on if it is not to be trusted."""
-    known = load_intrinsics(camera)
+    known = known_camera(camera)
     if known.problems:
-        reporter.warn(f"{camera}: marked as not to be trusted: {known.problems[0]}")
+        reporter.warn(f"{camera_name(camera)}: marked as not to be trusted: {known.problems[0]}")
     return known
 
 
-def _warn_of_fold(path: str | Path, camera: Camera, geometry: Geometry, reporter: Reporter) -> None:
+def _warn_of_fold(name: str, camera: Camera, geometry: Geometry, reporter: Reporter) -> None:
     """Say how much of the image has no place in a result that is to show all of it."""
     share = share_past_fold(camera) if geometry.shows_all else 0.0
     if share > 0:
         where = f"its lens model folds {camera.valid_radius_px:.0f} px from the principal point"
-        reporter.warn(f"{path}: {where}; what lies farther out, {share:.1%} of the image, cannot be shown.")
+        reporter.warn(f"{name}: {where}; what lies farther out, {share:.1%} of the image, cannot be shown.")
 
 
 def _warn_of_blindness(place: Place, cameras: Cameras, geometry: Geometry, reporter: Reporter) -> None:

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from camcal.errors import InputError
-from camcal.formats.camera_file import load_intrinsics
 from camcal.undistortion.frames import sees_source
 from camcal.undistortion.maps import UndistortMap, undistort_map
 from camcal.undistortion.sizes import rescaled_camera
 from camcal.undistortion.target import target_camera
+from camcal.workflows.given import GivenCamera, known_camera
 
 if TYPE_CHECKING:
     from camcal.geometry.camera import Camera
@@ -36,7 +35,7 @@ class Geometry:
     size: tuple[int, int] | None = None
     scale: float = 1.0
     crop: str = "none"
-    target: str | Path | None = None
+    target: GivenCamera | None = None
     distort: bool = False
     rescale: bool = False
 
@@ -74,7 +73,7 @@ class Geometry:
         if self.target is None:
             ideal = target_camera(camera, self.alpha, fov_deg=self.fov_deg, size=self.size, scale=self.scale, crop=self.crop)
         else:
-            ideal = load_intrinsics(self.target).camera
+            ideal = known_camera(self.target).camera
         return Cameras(ideal, camera) if self.distort else Cameras(camera, ideal)
 
     @property

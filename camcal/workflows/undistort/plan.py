@@ -199,7 +199,7 @@ def refuse_replacing(jobs: Sequence[Job]) -> None:
             raise InputError(f"{job.target}: output would replace {whose}. Choose another folder or file with -o.")
 
 
-def refuse_lost_cameras(place: Place, cameras: Iterable[str | Path | None]) -> None:
+def refuse_lost_cameras(place: Place, cameras: Iterable[Path | None]) -> None:
     """Refuse a place where the new camera would replace a calibration, or a camera file that is in use.
 
     Raises

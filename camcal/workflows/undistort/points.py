@@ -30,7 +30,7 @@ def undistort_points_file(
     output: str | Path,
     known: Intrinsics,
     geometry: Geometry,
-    cameras_in_use: Iterable[str | Path | None],
+    cameras_in_use: Iterable[Path | None],
     *,
     dry_run: bool,
     force: bool,
