@@ -165,6 +165,23 @@ def test_level_of_an_unsupported_coefficient(with_px, without_px, level, words):
     assert all(words in finding.text and finding.advice.startswith("Pass --distortion k1,k2,") for finding in findings)
 
 
+@pytest.mark.parametrize(
+    ("held_out_px", "advice", "count"),
+    [
+        (0.05, "Pass --distortion k1,k2,p1,p2 (the lens needs p1,p2 as well), or add views", 2),
+        (0.0999, "Pass --distortion k1,k2, or add views", 1),
+    ],
+)
+def test_advice_where_a_coefficient_is_too_many_and_others_are_missing(held_out_px, advice, count):
+    """Both findings advise the same model; without enough gain for the second the first is about the first alone."""
+    usual, simpler = Candidate(USUAL, 0.1, 2.0), Candidate(("k1", "k2"), 0.1, 1.0)
+    best = Candidate(("k1", "k2", "p1", "p2"), held_out_px, 0.5)
+    findings = ModelCheck(usual, best, simpler, 20.0, 4.0, 0.3).findings
+    assert len(findings) == count
+    assert findings[0].advice.startswith(advice)
+    assert all("Pass --distortion k1,k2,p1,p2" in finding.advice for finding in findings[1:])
+
+
 def test_all_coefficients_of_the_rational_model_are_too_many():
     """k4..k6 of a lens without them are named, and the model of the lens is advised."""
     found = check(capture(4, 16), RATIONALS[0])

@@ -79,7 +79,9 @@ class ModelCheck:
             f"held-out views as well as they can tell ({self.simpler.held_out_px:.3g} px, {self.current.held_out_px:.3g} px "
             f"with {self.current.option}){self._known_corners(blow_up)}"
         )
-        advice = f"Pass --distortion {self.best.option}, or add views whose boards reach the image's corners."
+        added = f" (the lens needs {self._missing} as well)" if self._missing else ""
+        advised = self.best if self._missing or set(self.best.distortion) <= set(self.current.distortion) else self.simpler
+        advice = f"Pass --distortion {advised.option}{added}, or add views whose boards reach the image's corners."
         harmless = self.corner_sigma_px <= _USABLE_CORNER_PX or blow_up < _USABLE_BLOW_UP
         weight = float(np.nan_to_num(blow_up, nan=_MOST_NAMED_BLOW_UP))
         return Finding("unsupported_coefficient", "note" if harmless else "usable", weight, text, advice)
@@ -93,17 +95,28 @@ class ModelCheck:
         times = rounded(blow_up) if blow_up <= _MOST_NAMED_BLOW_UP else f"over {_MOST_NAMED_BLOW_UP:g}"
         return f" and knows the image's corners {times} times as well"
 
+    @property
+    def _gain(self) -> float:
+        """Share by which held-out views are predicted worse than by the best model."""
+        return self.current.held_out_px / self.best.held_out_px - 1
+
+    @property
+    def _missing(self) -> str:
+        """Coefficients of the best model that the current one lacks, if that is worth telling."""
+        if self._gain < _NOTABLE_GAIN:
+            return ""
+        return ",".join(name for name in self.best.distortion if name not in self.current.distortion)
+
     def _too_simple(self) -> Finding | None:
-        gain = self.current.held_out_px / self.best.held_out_px - 1
-        if set(self.best.distortion) <= set(self.current.distortion) or gain < _NOTABLE_GAIN:
+        if not self._missing:
             return None
+        gain = self._gain
         level = "usable" if gain > _USABLE_GAIN else "note"
         if gain > _POOR_GAIN and self.difference_px > _POOR_PX:
             level = "poor"
-        missing = ",".join(name for name in self.best.distortion if name not in self.current.distortion)
         apart = "" if np.isnan(self.difference_px) else f", {rounded(self.difference_px)} px away from it in the median"
         text = (
-            f"the lens needs {missing}: {self.best.option} predicts held-out views to {self.best.held_out_px:.3g} px, "
+            f"the lens needs {self._missing}: {self.best.option} predicts held-out views to {self.best.held_out_px:.3g} px, "
             f"{self.current.option} to {self.current.held_out_px:.3g} px only{apart}"
         )
         return Finding("lens_too_simple", level, gain, text, f"Pass --distortion {self.best.option}.")
