@@ -150,7 +150,8 @@ def _compose(pattern: Pattern, spec: str, width: float, height: float) -> Page:
     strip = _strip(spec, width)
     quiet, ink_width, ink_height = _extent_mm(pattern)
     strip_top = height - _MARGIN_MM - strip.height_mm
-    white_below = min(quiet, (strip_top - ink_height) / 2)
+    white = strip_top - ink_height
+    white_below = min(quiet, white / 2, white - _edge_mm(quiet))
     left = (width - ink_width) / 2
     top = min((height - ink_height) / 2, strip_top - white_below - ink_height)
     ink = _ink_rectangles(pattern) * 1e3 + np.tile([left - quiet, top - quiet], 2)
@@ -170,8 +171,13 @@ def _extent_mm(pattern: Pattern) -> tuple[float, float, float]:
 def _need(pattern: Pattern, spec: str, width: float) -> tuple[float, float]:
     """Width and height in mm that the parts take at least on a sheet of some width."""
     quiet, ink_width, ink_height = _extent_mm(pattern)
-    edge = max(quiet / 2, _MARGIN_MM)
+    edge = _edge_mm(quiet)
     return ink_width + 2 * edge, edge + ink_height + quiet / 2 + _strip(spec, width).height_mm + _MARGIN_MM
+
+
+def _edge_mm(quiet: float) -> float:
+    """Least white in mm between the ink and the edges of the sheet, for a quiet zone in mm."""
+    return max(quiet / 2, _MARGIN_MM)
 
 
 def _fits(need: tuple[float, float], sheet: tuple[float, float]) -> bool:
