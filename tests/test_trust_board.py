@@ -228,6 +228,28 @@ def test_decentred_lens_shows_in_places():
     assert "place in the image" in text
 
 
+@pytest.mark.parametrize("solved", [False, True])
+def test_advice_is_not_what_was_done(solved):
+    """Neither --warp nor coefficients are advised where they are solved for already."""
+    rng = np.random.default_rng(0)
+    off = rng.normal(size=(54, 3)) * [1e-4, 1e-4, 0]
+    bad = solve(captured(Printed(BOARD.object_points + off)), BOARD.object_points, shape=BOW if solved else ())
+    (finding,) = structure_findings(bad, BOARD)
+    assert ("--warp" in finding.advice) != solved
+    views = captured(BOARD)
+    middle = np.array([CAMERA.K[0, 2], CAMERA.K[1, 2]])
+    radius = [np.linalg.norm(view.corners_px - middle, axis=1, keepdims=True) for view in views]
+    ringed = [
+        replace(view, corners_px=view.corners_px + 0.2 * np.sin(r / 12) * (view.corners_px - middle) / r)
+        for view, r in zip(views, radius, strict=True)
+    ]
+    names = ("k1", "k2", "k3", "p1", "p2") if solved else ("k1", "k2", "k3")
+    (finding,) = structure_findings(solve(ringed, BOARD.object_points, distortion=names), BOARD)
+    assert "principal point" in finding.text
+    assert ("--distortion" in finding.advice) != solved
+    assert "heck that the lens is no fisheye." in finding.advice
+
+
 def test_bad_print_shows_in_features():
     """Features off by 0.1 mm along each axis at random: the same in every view, and as far as no pose or camera hides it."""
     rng = np.random.default_rng(0)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import cv2
 import numpy as np
 import pytest
-from capture_scenes import BOARD, CAMERA, ordinary_poses, see
+from capture_scenes import BOARD, CAMERA, VERY_WIDE, careful_views, ordinary_poses, see
 
 from camcal.boards.checkerboard import Checkerboard
 from camcal.calibration.board_shape import shape_basis
@@ -23,12 +25,7 @@ from camcal.workflows.calibrate import calibrate
 from camcal.workflows.synth import synth
 
 NOISE_PX = 0.1
-WIDE = Camera((1280, 960), [[701.3, 0, 631.2], [0, 699.8, 488.6], [0, 0, 1]], [-0.33, 0.12, 0, 0, -0.014])
-
-
-def capture(seed: int, count: int = 12, *, noise_px: float = NOISE_PX, **made) -> list[Detection]:
-    """Corners of boards held with care."""
-    return see(ordinary_poses(count, seed), seed, noise_px=noise_px, **made)
+capture = partial(careful_views, noise_px=NOISE_PX)
 
 
 def linearised(views, board=BOARD, **options) -> Linearised:
@@ -128,7 +125,7 @@ def test_a_bent_board_shows():
 
 def test_a_wide_lens_without_k2_shows():
     """k1 alone does not describe a wide lens; nor, less coarsely, do k1 and k2."""
-    views = see(ordinary_poses(20, 4, WIDE), 4, WIDE, noise_px=0.05)
+    views = see(ordinary_poses(20, 4, VERY_WIDE), 4, VERY_WIDE, noise_px=0.05)
     assert ratio(views, distortion=("k1",)) > 2
     assert ratio(views, distortion=("k1", "k2")) > 2
     assert ratio(views, distortion=("k1", "k2", "k3")) < 1.4
@@ -197,6 +194,13 @@ def test_level_of_inconsistent_halves(ratio, px, level):
     findings = CrossValidation(ratio, 15, px).findings
     assert [finding.level for finding in findings] == ([level] if level else [])
     assert all(finding.code == "inconsistent" and f"{ratio:.1f} times" in finding.text for finding in findings)
+
+
+@pytest.mark.parametrize("is_bow_free", [False, True])
+def test_advice_is_not_what_was_done(is_bow_free):
+    """Where the bow is solved for already, --warp is no advice."""
+    (finding,) = CrossValidation(3.0, 15, 1.0, is_bow_free).findings
+    assert ("--warp" in finding.advice) != is_bow_free
 
 
 def test_inverse_of_very_different_units():

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from camcal.boards.base import Board
+from camcal.calibration.board_shape import BOW
 from camcal.observations import Calibration
 from camcal.records import Uncertainty
 from camcal.threads import single_threaded
@@ -86,7 +87,7 @@ def assess(calibration: Calibration, board: Board, *, anamorphic: bool = False, 
         minimum = Minimum.of(calibration, board)
         linearised = Linearised.of(minimum)
         known = uncertainty(calibration, board.object_points)
-        halves = cross_validate(linearised)
+        halves = cross_validate(linearised, is_bow_free=set(BOW) <= set(calibration.shape.names))
         corners = np.concatenate([seen.corners_px for seen in calibration.detections])
         weightiest = influence(linearised, [seen.source for seen in calibration.detections], corners)
         models = compare_models(minimum, linearised)

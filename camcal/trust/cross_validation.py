@@ -45,11 +45,14 @@ class CrossValidation:
         Number of ways in which the views were split.
     predicted_px : float
         Median over the image of how far the projection of far points should be off by the covariance, pixels.
+    is_bow_free : bool
+        Whether the board's bow is solved for, so that it cannot be what the halves differ by.
     """
 
     ratio: float
     splits: int
     predicted_px: float
+    is_bow_free: bool = False
 
     @property
     def error_px(self) -> float:
@@ -67,26 +70,33 @@ class CrossValidation:
             f"about 1, at most {_HONEST:g}): far points are seen within {rounded(self.error_px)} px rather than "
             f"{rounded(self.predicted_px)} px in the median"
         )
+        bent = (
+            "a board that was moved by its edges"
+            if self.is_bow_free
+            else "a board that is bent (try --warp) or was moved by its edges"
+        )
         advice = (
-            f"Take every standard deviation {self.ratio:.1f} times as large, and look for what all views have wrong: a board "
-            "that is bent or was moved by its edges (try --warp), focus or zoom that changed, corners of another detector."
+            f"Take every standard deviation {self.ratio:.1f} times as large, and look for what all views have wrong: {bent}, "
+            "focus or zoom that changed, corners of another detector."
         )
         return (Finding("inconsistent", level, self.ratio, text, advice),)
 
 
-def cross_validate(linearised: Linearised) -> CrossValidation:
+def cross_validate(linearised: Linearised, *, is_bow_free: bool = False) -> CrossValidation:
     """Compare halves of the views with each other.
 
     Parameters
     ----------
     linearised : Linearised
         The calibration's minimum. Each half is solved by one Newton step from it, which is as good as solving it anew.
+    is_bow_free : bool
+        Whether the board's bow is solved for.
     """
     splits = balanced_splits(len(linearised.costs))
     ratio = np.sqrt(dispersion(linearised)) if linearised.telling else float("nan")
     camera = linearised.camera
     predicted = predicted_length_px(camera, linearised.names, linearised.covariance, image_grid(camera.size))
-    return CrossValidation(float(ratio), len(splits), float(np.nanmedian(predicted)))
+    return CrossValidation(float(ratio), len(splits), float(np.nanmedian(predicted)), is_bow_free)
 
 
 def dispersion(linearised: Linearised) -> float:

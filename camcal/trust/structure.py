@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from camcal.boards.base import Board
+from camcal.calibration.board_shape import BOW
 from camcal.geometry.arrays import FloatArray, IntArray
 from camcal.geometry.pose import rotation_from_rvec
 from camcal.observations import Calibration
@@ -21,6 +22,8 @@ from camcal.verdict import Finding
 
 _RINGS = 12
 _COLUMNS = 8
+_TANGENTIAL = {"p1", "p2"}
+_ENOUGH = {"k1", "k2", "k3"} | _TANGENTIAL
 _FEWEST_SIGHTS = 3
 # Standard deviations by which the averages must exceed what noise leaves of them.
 _SIGNIFICANT_SIGMAS = 5.0
@@ -117,25 +120,35 @@ def _most_telling(found: list[Structure]) -> Structure:
 def _told(structure: Structure, calibration: Calibration, board: Board) -> tuple[str, str]:
     """Text and advice for a kind of structure."""
     if structure.kind == "radius":
+        more = (
+            "" if set(calibration.free) >= _ENOUGH else "Free more coefficients with --distortion (k1,k2,k3, then p1,p2), and "
+        )
         return (
             "the residuals go with the distance from the principal point: the lens model does not follow the lens",
-            "Free more coefficients with --distortion (k1,k2,k3, then p1,p2), and check that the lens is no fisheye.",
+            _sentence(f"{more}check that the lens is no fisheye."),
         )
     if structure.kind == "position":
+        more = "" if set(calibration.free) >= _TANGENTIAL else "Free p1,p2 with --distortion, and "
         return (
             "the residuals go with the place in the image: the lens model does not follow the lens there",
-            "Free p1,p2 with --distortion, and check that no software corrects, stabilises or crops the images.",
+            _sentence(f"{more}check that no software corrects, stabilises or crops the images."),
         )
     if structure.kind == "feature":
         off_mm = 1e3 * board_error_m(calibration, board)
+        solve = "" if set(BOW) <= set(calibration.shape.names) else ", and try --warp"
         return (
             f"the same features are off in every view: the board is not as its SPEC says, by {rounded(off_mm)} mm",
-            "Measure the print, glue it to something flat, and try --warp; if it stays so, use a better board.",
+            f"Measure the print, glue it to something flat{solve}; if it stays so, use a better board.",
         )
     return (
         "neighbouring corners are off alike within each view",
         "Hold camera and board still while the shutter is open, and check that no software corrects or stabilises the images.",
     )
+
+
+def _sentence(text: str) -> str:
+    """Begin with a capital letter."""
+    return text[0].upper() + text[1:]
 
 
 def board_error_m(calibration: Calibration, board: Board) -> float:
