@@ -1,8 +1,7 @@
-"""The solve: exact on exact corners, OpenCV's minimum and standard deviations, honest covariances, and its refusals."""
+"""The solve: exact on exact corners, OpenCV's minimum and standard deviations, honest covariances."""
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 import cv2
@@ -10,18 +9,12 @@ import numpy as np
 import pytest
 from scenes import BOARD, CAMERA, WIDE_DISTANCES, WIDE_REACH, detections, poses
 
-from camcal.boards.aprilgrid import AprilGrid
-from camcal.boards.checkerboard import Checkerboard
-from camcal.calibration.causes import quarter_turn, solve_board
 from camcal.calibration.finish import descend
 from camcal.calibration.normal_equations import Observations, State
 from camcal.calibration.parameters import DEFAULT_DISTORTION, free_names, parse_distortion, places
 from camcal.calibration.solve import solve
-from camcal.errors import DetectionError, InputError, SolveError
 from camcal.geometry.camera import Camera
-from camcal.geometry.pose import Pose
-from camcal.observations import Detection, Rejected
-from camcal.trust.gates import gate_findings
+from camcal.observations import Detection
 
 POINTS = BOARD.object_points
 FREE_COLUMNS = [0, 1, 2, 3, 5, 6, 9]
@@ -120,12 +113,6 @@ def test_opencv_starts_with_few_coefficients(monkeypatch):
     assert second & cv2.CALIB_USE_INTRINSIC_GUESS
 
 
-def test_indistinguishable_coefficients_are_refused():
-    """k1..k3 and k4..k6 all free on a mild lens say the same thing twice: an error that advises to free fewer."""
-    with pytest.raises(SolveError, match="free fewer coefficients"):
-        solve(detections(poses(10, 5)), POINTS, distortion=parse_distortion("k1,k2,k3,k4,k5,k6"))
-
-
 def test_minimum_is_no_higher_than_opencvs():
     """The float64 finish ends at a sum of squares that is not above OpenCV's, and close to it."""
     views = detections(poses(12, 6), noise_px=0.2)
@@ -189,107 +176,6 @@ def test_partial_views_are_solved():
     assert np.abs(solve(views, POINTS).camera.intrinsics - CAMERA.intrinsics)[:4].max() < 1e-6
 
 
-def test_fronto_parallel_views_are_refused():
-    """Without any tilt focal length and distance cannot be told apart: an error that says to tilt."""
-    views = [Pose(p.R, p.t) for p in poses(8, 12, tilt=0.0)]
-    with pytest.raises(SolveError, match="Tilt the board"):
-        solve(detections(views, noise_px=0.02), POINTS)
-
-
-def test_a_focal_length_that_is_not_known_is_refused():
-    """Tilts below a degree leave a solvable system, but no focal length: the error gives its standard deviation."""
-    with pytest.raises(SolveError, match=r"fx and fy known to ±\d+ %.*Tilt the board") as caught:
-        solve(detections(poses(10, 2, tilt=0.01), noise_px=0.1), POINTS)
-    assert "--distortion" not in str(caught.value)
-
-
-def test_two_views_are_too_few():
-    """Fewer than three usable views: an error that names the first rejected image and why."""
-    with pytest.raises(DetectionError, match=r"got 2, expected at least 3.*bad\.png: no board"):
-        solve(detections(poses(2, 14)), POINTS, rejected=[Rejected("bad.png", "no board found")])
-
-
-def test_views_with_too_few_corners_are_rejected_by_name():
-    """A view of five corners, or of one row only, is left out with its reason."""
-    views = detections(poses(8, 15), noise_px=0.02)
-    few = Detection("few", views[0].size, np.arange(5), views[0].corners_px[:5], np.full(5, np.nan))
-    line = Detection("line", views[0].size, np.arange(9), views[0].corners_px[:9], np.full(9, np.nan))
-    solved = solve([*views, few, line], POINTS)
-    assert len(solved.detections) == 8
-    assert {r.source: r.reason for r in solved.rejected} == {
-        "few": "too few corners for a pose (got 5, expected at least 6)",
-        "line": "all corners lie on one line",
-    }
-
-
-def with_corners(view, corners_px):
-    """The same view with other corners."""
-    return replace(view, corners_px=corners_px)
-
-
-def grid(view):
-    """A view's corners as (rows, columns, 2)."""
-    return view.corners_px.reshape(6, 9, 2)
-
-
-@pytest.mark.parametrize(
-    ("corners", "reason"),
-    [
-        (np.tile([[300.0, 200.0]], (54, 1)), "one line or point of the image"),
-        (np.linspace([0, 0], [900, 700], 54), "one line or point of the image"),
-        (np.concatenate([[[9e6, 12.0]], np.mgrid[:53, :2][0] * [9.0, 7.0]]), "far outside the image .got 9e.06, 12"),
-    ],
-)
-def test_corners_that_no_board_shows_are_rejected_by_name(corners, reason):
-    """All on one pixel or line of the image, or one at nine million pixels: that view is left out, the others solved."""
-    views = detections(poses(8, 15), noise_px=0.02)
-    solved = solve([with_corners(views[3], corners), *views[:3], *views[4:]], POINTS)
-    (rejected,) = solved.rejected
-    assert rejected.source == "view_003"
-    assert re.search(reason, rejected.reason)
-    assert solved.covariance.tobytes() == solve(views[:3] + views[4:], POINTS).covariance.tobytes()
-
-
-def test_copies_of_a_view_hold_no_information():
-    """A view under a second name is rejected, so that copies neither shrink the uncertainty nor make up three views."""
-    views = detections(poses(8, 15), noise_px=0.1)
-    copies = [replace(view, source=f"{view.source}_copy") for view in views]
-    solved = solve(copies + views, POINTS)
-    assert solved.covariance.tobytes() == solve(views, POINTS).covariance.tobytes()
-    assert {r.reason for r in solved.rejected} == {f"the same view as {view.source}" for view in views}
-    with pytest.raises(DetectionError, match="got 2, expected at least 3"):
-        solve(views[:2] + copies[:2], POINTS)
-
-
-def test_a_view_of_garbage_is_left_out_by_name():
-    """Random corners in one view bend the camera until it is not determined: without that view it is as good as ever."""
-    views = detections(poses(12, 6), noise_px=0.1)
-    garbage = with_corners(views[5], np.random.default_rng(0).uniform(0, 900, (54, 2)))
-    solved = solve_board([garbage, *views[:5], *views[6:]], BOARD)
-    (rejection,) = solved.rejected
-    assert rejection.source == "view_005"
-    assert "does not fit the other views" in rejection.reason
-    expected = solve([*views[:5], *views[6:]], POINTS)
-    np.testing.assert_allclose(solved.camera.intrinsics, expected.camera.intrinsics, rtol=1e-6, atol=1e-9)
-
-
-def test_nothing_but_garbage_does_not_ask_for_tilt():
-    """Corners that fit no board in any view: the SPEC is the likely cause, not the tilt or the coefficients."""
-    rng = np.random.default_rng(0)
-    views = [with_corners(view, rng.uniform(0, 900, (54, 2))) for view in detections(poses(8, 6))]
-    with pytest.raises(SolveError, match=r"view_00. fits worst .*SPEC") as caught:
-        solve_board(views, BOARD)
-    assert "Tilt" not in str(caught.value)
-    assert "--distortion" not in str(caught.value)
-
-
-def test_mirrored_corners_are_refused():
-    """Corners numbered from the wrong side fit perfectly, to boards seen from behind: an error that says so."""
-    views = [with_corners(v, grid(v)[:, ::-1].reshape(-1, 2)) for v in detections(poses(9, 6), noise_px=0.1)]
-    with pytest.raises(SolveError, match=r"seen from behind in 9 of 9 views: the ids or the images are mirrored"):
-        solve_board(views, BOARD)
-
-
 @pytest.mark.parametrize("extreme", [5e-324, 1e-300, 1e308])
 def test_extreme_sigmas_do_no_harm(extreme):
     """A sigma off by hundreds of orders of magnitude weighs a hundredfold at most: no warning, and a camera as good.
@@ -308,90 +194,3 @@ def test_covariance_is_exactly_symmetric():
     """Not only up to the last bits."""
     covariance = solve(detections(poses(9, 6), noise_px=0.1), POINTS).covariance
     assert np.array_equal(covariance, covariance.T)
-
-
-@pytest.mark.parametrize(
-    ("board", "spec"),
-    [
-        (BOARD, "checkerboard:6x9:25mm"),
-        (AprilGrid(5, 4, 0.03, 0.009, family="tag25h9"), "aprilgrid:4x5:30mm:0.3:family=tag25h9"),
-    ],
-)
-def test_transposed_boards(board, spec):
-    """Rows and columns change places, everything else stays; a board with as many of both has no other."""
-    assert board.transposed.spec == spec
-    assert board.transposed.transposed == board
-    assert replace(board, columns=4, rows=4).transposed is None
-
-
-@pytest.mark.parametrize(("turn_deg", "noted"), [(0, False), (90, True), (180, False), (-90, True)])
-def test_quarter_turn_is_noted(turn_deg, noted):
-    """A 6x9 board whose long side runs across the image may be meant as 9x6; one that stands upright may not."""
-    board = Checkerboard(6, 9, 0.025)
-    solved = solve(detections(poses(8, 6, board=board), board=board), board.object_points)
-    turned = [Pose.from_rvec([0, 0, np.radians(turn_deg)], pose.t) for pose in solved.poses]
-    note = quarter_turn(replace(solved, poses=tuple(turned)), board)
-    assert (note is not None) == noted
-    assert note is None or "checkerboard:9x6:25mm" in note
-    assert quarter_turn(replace(solved, poses=tuple(turned)), BOARD) is None
-
-
-@pytest.mark.parametrize("seed", [16, 21, 22])
-def test_swapped_rows_and_columns_are_recognised(seed):
-    """Corners labelled for 6x9 but solved as 9x6 never pass: an error or a problem that names the board that fits."""
-    other = Checkerboard(6, 9, 0.025)
-    views = detections(poses(10, seed, board=other), board=other, noise_px=0.02)
-    try:
-        solved = solve_board(views, BOARD)
-    except SolveError as error:
-        message = str(error)
-    else:
-        assert solved.rms_px > 3
-        message = str(gate_findings(solved, BOARD)[0])
-    assert "checkerboard:6x9:25mm" in message
-    assert "rows and columns are swapped" in message
-
-
-def test_unsolvable_views_of_the_right_board_are_not_called_swapped():
-    """A degenerate capture stays an error of its own."""
-    with pytest.raises(SolveError) as caught:
-        solve_board(detections(poses(8, 12, tilt=0.0), noise_px=0.02), BOARD)
-    assert "swapped" not in str(caught.value)
-
-
-def test_mixed_image_sizes_are_a_programming_error():
-    """The caller groups by size; a mixture is refused."""
-    views = detections(poses(4, 20))
-    with pytest.raises(ValueError, match="one image size"):
-        solve([*views[:3], replace(views[3], size=(640, 480))], POINTS)
-
-
-@pytest.mark.parametrize(
-    ("text", "names"),
-    [
-        ("k1,k2,k3", ("k1", "k2", "k3")),
-        ("k3, k1", ("k1", "k3")),
-        ("p2,p1,k1", ("k1", "p1", "p2")),
-        ("none", ()),
-        ("k1,k2,p1,p2,k3,k4,k5,k6", ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")),
-    ],
-)
-def test_distortion_lists_are_read_in_any_order(text, names):
-    """The names come back in stored order."""
-    assert parse_distortion(text) == names
-    assert free_names(names)[:4] == ("fx", "fy", "cx", "cy")
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("k7", "unknown coefficient"),
-        ("k1,k1", "each coefficient once"),
-        ("", "each coefficient once"),
-        ("k1,p1", "go together"),
-    ],
-)
-def test_wrong_distortion_lists_are_refused(text, message):
-    """Unknown, repeated, missing names and half a tangential pair."""
-    with pytest.raises(InputError, match=message):
-        parse_distortion(text)

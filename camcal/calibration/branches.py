@@ -16,6 +16,8 @@ _BRANCHES = 2
 _FEWEST_RAYS = 6
 # A view's sum of squares has to shrink to less than this share: the last bits of the same pose are no other branch.
 _BETTER = 0.9
+# Ids shifted by a third of a row leave two thirds of the corners in agreement, on the wrong pose.
+_LEAST_MAJORITY = 0.75
 
 
 def reposed(state: State, seen: Observations) -> State | None:
@@ -63,3 +65,24 @@ def planar_poses(camera: Camera, points_board: FloatArray, corners_px: FloatArra
         return []
     poses = [(np.ravel(rvec).astype(np.float64), np.ravel(t).astype(np.float64)) for rvec, t in refined]
     return [(rvec, t) for rvec, t in poses if np.isfinite([rvec, t]).all()][:_BRANCHES]
+
+
+def majority_poses(camera: Camera, points_board: FloatArray, corners_px: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+    """Do as `planar_poses` does for the corners that agree on one plane; empty if these are no great majority.
+
+    Least median of squares (Rousseeuw 1984) on the homography from the board to the undistorted corners.
+    """
+    rays = camera.unproject(corners_px)
+    reached = np.flatnonzero(np.isfinite(rays).all(axis=1))
+    if reached.size < _FEWEST_RAYS:
+        return []
+    # In about pixels, because OpenCV takes what is nearer than a thousandth for noise.
+    ideal = rays[reached, :2] * camera.K[0, 0]
+    try:
+        _, agree = cv2.findHomography(points_board[reached, :2], ideal, cv2.LMEDS)
+    except cv2.error:
+        return []
+    majority = reached[np.ravel(agree) != 0]
+    if majority.size < _LEAST_MAJORITY * reached.size:
+        return []
+    return planar_poses(camera, points_board[majority], corners_px[majority])

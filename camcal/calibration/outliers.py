@@ -15,6 +15,7 @@ from camcal.calibration.normal_equations import Observations, State, residuals
 from camcal.calibration.views import FEWEST_CORNERS
 from camcal.calibration.weights import own_variance
 from camcal.geometry.arrays import BoolArray, FloatArray
+from camcal.observations import Detection, Outlier
 
 # Nothing is left out unless a corner lies beyond the first; then all beyond the second are. In two dimensions noise goes
 # past 5 sigma once in 270,000 corners and past 4 once in 3,000.
@@ -99,6 +100,20 @@ def standing_out(state: State, seen: Observations) -> FloatArray:
     medians = _medians(np.where(np.isfinite(lengths), lengths, np.inf), seen)
     typical = np.clip(np.median(medians), np.sqrt(_LEAST_VARIANCE_PX2), _LONGEST_PX)
     return np.where(medians > _NEAR_PX, medians / typical, 0.0)
+
+
+def named_outlier(detection: Detection, row: int, residual_px: FloatArray, sigmas: float) -> Outlier:
+    """Name one corner that is left out, and how far it is from its place."""
+    x, y = detection.corners_px[row].tolist()
+    off_x, off_y = residual_px.tolist()
+    return Outlier(
+        source=detection.source,
+        id=int(detection.ids[row]),
+        corner_px=(x, y),
+        sigma_px=float(detection.sigma_px[row]),
+        residual_px=(off_x, off_y),
+        reason=f"{np.hypot(off_x, off_y):.2g} px from where the other corners put it ({sigmas:.2g} standard deviations)",
+    )
 
 
 def _distances(state: State, seen: Observations, sigma_px: FloatArray, kept: BoolArray) -> tuple[FloatArray, FloatArray]:

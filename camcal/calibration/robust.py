@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from camcal.calibration.advice import worst_view
 from camcal.calibration.finish import Descent, descend
 from camcal.calibration.normal_equations import Observations, State, residuals, view_rms
-from camcal.calibration.outliers import belonging, distances_in_sigmas, standing_out, worst_misfit
+from camcal.calibration.outliers import belonging, distances_in_sigmas, named_outlier, standing_out, worst_misfit
 from camcal.calibration.softened import softened
 from camcal.calibration.views import FEWEST_VIEWS
 from camcal.calibration.weights import total_sigma_px
@@ -61,6 +61,27 @@ class Fit:
         return float(np.sqrt((residuals(self.state, self.seen) ** 2).sum(axis=1).mean()))
 
 
+def undoubted_minimum(
+    state: State, seen: Observations, detections: Sequence[Detection], columns: IntArray, free: tuple[str, ...]
+) -> Fit | None:
+    """Leave out what does not belong without asking least squares over all corners first, which nonsense leads nowhere.
+
+    Parameters
+    ----------
+    state : State
+        A start that what does not belong has not bent.
+    seen, detections, columns, free
+        As `robust_minimum` takes them.
+
+    Returns
+    -------
+    Fit or None
+        None unless what is left fits beyond doubt, and every view of it as the others do.
+    """
+    fit = _from_softened(_all(state, seen, detections), columns, free)
+    return None if fit is None or fit.rms_px > _NO_DOUBT_RMS_PX or _stands_out(fit) else fit
+
+
 def robust_minimum(
     lowest: Descent,
     seen: Observations,
@@ -95,7 +116,7 @@ def robust_minimum(
     SolveError
         If a descent fails; it names the view that fits worst.
     """
-    start = _Round(lowest.state, seen, tuple(detections), np.ones(seen.view.size, dtype=bool))
+    start = _all(lowest.state, seen, detections)
     try:
         if lowest.failure:
             raise SolveError(_failed(lowest, seen, detections, free))
@@ -109,6 +130,11 @@ def robust_minimum(
         return fit
     other = _from_softened(replace(start, state=restart()), columns, free)
     return fit if other is None or not _clearer(other, fit) else other
+
+
+def _all(state: State, seen: Observations, detections: Sequence[Detection]) -> _Round:
+    """Begin with all corners."""
+    return _Round(state, seen, tuple(detections), np.ones(seen.view.size, dtype=bool))
 
 
 def _clearer(other: Fit, fit: Fit) -> bool:
@@ -262,21 +288,7 @@ def _outliers(current: _Round, left_out: BoolArray) -> tuple[Outlier, ...]:
     sigmas = distances_in_sigmas(current.state, current.seen, current.sigma_px, current.kept)
     by_view = (_by_view(values, current) for values in (left_out, off, sigmas))
     return tuple(
-        _outlier(detection, row, vectors[row], far[row])
+        named_outlier(detection, row, vectors[row], far[row])
         for detection, gone, vectors, far in zip(current.detections, *by_view, strict=True)
         for row in np.flatnonzero(gone).tolist()
-    )
-
-
-def _outlier(detection: Detection, row: int, residual_px: FloatArray, sigmas: float) -> Outlier:
-    """Name one corner that is left out, and how far it is from its place."""
-    x, y = detection.corners_px[row].tolist()
-    off_x, off_y = residual_px.tolist()
-    return Outlier(
-        source=detection.source,
-        id=int(detection.ids[row]),
-        corner_px=(x, y),
-        sigma_px=float(detection.sigma_px[row]),
-        residual_px=(off_x, off_y),
-        reason=f"{np.hypot(off_x, off_y):.2g} px from where the other corners put it ({sigmas:.2g} standard deviations)",
     )

@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from camcal.calibration.branches import planar_poses
+from camcal.calibration.branches import majority_poses, planar_poses
 from camcal.calibration.finish import descend
-from camcal.calibration.normal_equations import Observations, State, residuals
+from camcal.calibration.normal_equations import Observations, State, residuals, view_costs
 from camcal.calibration.outliers import usual_sigma_px
 from camcal.geometry.arrays import FloatArray, IntArray
 
@@ -25,6 +25,8 @@ _MOST_ROUNDS = 20
 _STEPS_A_ROUND = 10
 # Corners that move less than this, in standard deviations of the median one, have settled.
 _SETTLED_SIGMAS = 0.02
+# Nonsense creeps on without end: a round that lowers the sum of squares by less than this share has arrived.
+_CREEPING_SHARE = 0.01
 _MOST_REPOSINGS = 3
 # A view whose median residual is so many times the others' may stand in the wrong pose; another has to halve it.
 _OUTSTANDING = 3.0
@@ -64,13 +66,16 @@ def _reweighted(state: State, seen: Observations, sigma_px: FloatArray, columns:
         far = np.minimum(off / usual, _FARTHEST_SIGMAS)
         if round_ == 0 and not (far > _ALARM_SIGMAS).any():
             return state
-        softer = seen.weighted(usual * np.sqrt(1 + (far / _HALF_WEIGHT_SIGMAS) ** 2))
+        # Not held within bounds as weights of sigmas are: a corner a thousand sigma off must not pull like ten of them.
+        softer = replace(seen, weights=np.median(usual) / (usual * np.sqrt(1 + (far / _HALF_WEIGHT_SIGMAS) ** 2)))
+        before = float(view_costs(state, softer).sum())
         found = descend(state, softer, columns, most_steps=_STEPS_A_ROUND)
         if not np.isfinite(found.cost):
             return state
         moved = np.abs(_lengths(found.state, seen) - off)
         state = found.state
-        if not found.failure and np.median(moved) < _SETTLED_SIGMAS * np.median(usual):
+        arrived = not found.failure or before - found.cost < _CREEPING_SHARE * before
+        if arrived and np.median(moved) < _SETTLED_SIGMAS * np.median(usual):
             break
     return state
 
@@ -83,7 +88,8 @@ def _reposed(state: State, seen: Observations) -> State | None:
     changed = False
     for view in np.flatnonzero(medians > _OUTSTANDING * np.median(medians)):
         own = seen.only(seen.view == view)
-        for rvec, t in planar_poses(state.camera, own.points_board, own.corners_px):
+        known = state.camera, own.points_board, own.corners_px
+        for rvec, t in (*planar_poses(*known), *majority_poses(*known)):
             trial = State(state.camera, rvec[None], t[None], state.shape)
             median = np.median(_lengths(trial, own))
             if median < _BETTER * medians[view]:

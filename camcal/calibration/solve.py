@@ -12,8 +12,8 @@ from camcal.calibration.board_shape import shape_basis
 from camcal.calibration.limits import LARGEST_CONDITION, LARGEST_RELATIVE_FOCAL_SIGMA
 from camcal.calibration.normal_equations import Covariances, NormalEquations, Observations, State, residuals, view_rms
 from camcal.calibration.parameters import DEFAULT_DISTORTION, free_names, places
-from camcal.calibration.restart import start_from_planes
-from camcal.calibration.robust import Fit, robust_minimum
+from camcal.calibration.restart import some_nonsense, start_from_planes
+from camcal.calibration.robust import Fit, robust_minimum, undoubted_minimum
 from camcal.calibration.search import lowest_minimum
 from camcal.calibration.views import FEWEST_VIEWS, too_few_views, usable_views
 from camcal.errors import DetectionError, SolveError
@@ -67,22 +67,36 @@ def solve(
     if len(used) < FEWEST_VIEWS:
         raise DetectionError(too_few_views(len(used), _sorted([*rejected, *poor])))
     free = free_names(distortion)
-    seen = Observations.gather(used, object_points)
     with single_threaded():
-        lowest = lowest_minimum(used, object_points, seen, free)
-        columns = places(lowest.state.camera, free)
-        if shape:
-            seen = seen.shaped(used, shape_basis(object_points, shape))
-            columns = np.append(columns, lowest.state.shared.size + np.arange(len(shape)))
-            lowest = replace(lowest, state=replace(lowest.state, shape=np.zeros(len(shape))))
-
-        def restart() -> State:
-            state = start_from_planes(used, object_points, seen, free) or lowest.state
-            return replace(state, shape=np.zeros(len(shape)))
-
-        fit = robust_minimum(lowest, seen, used, columns, free, restart=restart)
+        fit, columns = _minimum(used, object_points, free, shape)
         covariances = _covariances(fit, columns, free)
     return _calibration(fit, covariances, free, shape, _sorted([*rejected, *poor, *fit.misfits]))
+
+
+def _minimum(
+    used: Sequence[Detection], object_points: FloatArray, free: tuple[str, ...], shape: tuple[str, ...]
+) -> tuple[Fit, IntArray]:
+    """Find the minimum of the corners that belong, and the places (F,) of the free parameters in its `State.shared`."""
+    seen = Observations.gather(used, object_points)
+    shaped = seen.shaped(used, shape_basis(object_points, shape)) if shape else seen
+
+    def start(state: State) -> tuple[State, IntArray]:
+        beside = state.shared.size + np.arange(len(shape))
+        return replace(state, shape=np.zeros(len(shape))), np.append(places(state.camera, free), beside)
+
+    planes = start_from_planes(used, object_points, seen, free) if some_nonsense(seen) else None
+    if planes is not None:
+        state, columns = start(planes)
+        fit = undoubted_minimum(state, shaped, used, columns, free)
+        if fit is not None:
+            return fit, columns
+    lowest = lowest_minimum(used, object_points, seen, free)
+    state, columns = start(lowest.state)
+
+    def restart() -> State:
+        return start(planes or start_from_planes(used, object_points, seen, free) or lowest.state)[0]
+
+    return robust_minimum(replace(lowest, state=state), shaped, used, columns, free, restart=restart), columns
 
 
 def _sorted(rejected: Sequence[Rejected]) -> tuple[Rejected, ...]:

@@ -14,8 +14,9 @@ import numpy as np
 from camcal.boards.base import Board
 from camcal.calibration.board_shape import SHAPE_NAMES, shape_basis
 from camcal.calibration.finish import descend
-from camcal.calibration.normal_equations import State, view_costs
+from camcal.calibration.normal_equations import Observations, State, view_costs
 from camcal.calibration.parameters import PINHOLE, distortion_names
+from camcal.calibration.restart import nonsense
 from camcal.calibration.solve import solve
 from camcal.calibration.views import FEWEST_CORNERS
 from camcal.errors import CamcalError
@@ -216,7 +217,7 @@ def _mixed(calibration: Calibration, split: _Split) -> Finding:
 
 def _another_camera_left_out(calibration: Calibration, board: Board) -> Finding | None:
     """Say so if the views that were left out as a whole fit a camera of their own."""
-    views = _left_out(calibration)
+    views = _left_out(calibration, board)
     if len(views) < FEWEST_IN_A_GROUP:
         return None
     try:
@@ -237,8 +238,8 @@ def _another_camera_left_out(calibration: Calibration, board: Board) -> Finding 
     )
 
 
-def _left_out(calibration: Calibration) -> list[Detection]:
-    """Views that were left out as a whole, put together again from their corners."""
+def _left_out(calibration: Calibration, board: Board) -> list[Detection]:
+    """Views that were left out as a whole but do look like the board, put together again from their corners."""
     used = {detection.source for detection in calibration.detections}
     corners = defaultdict(list)
     for outlier in calibration.outliers:
@@ -250,7 +251,11 @@ def _left_out(calibration: Calibration) -> list[Detection]:
         if ids.size >= FEWEST_CORNERS:
             found = np.stack([x, y], axis=1)
             views.append(Detection(source, calibration.camera.size, ids.astype(np.int64), found, sigma))
-    return views
+    if not views:
+        return []
+    # What does not is of no other camera either, and takes long to fail as one.
+    is_nonsense = nonsense(Observations.gather(views, board.object_points))
+    return [view for view, unlike in zip(views, is_nonsense, strict=True) if not unlike]
 
 
 def _largest_change(before: Minimum, after: Minimum, last: str, first: str) -> str:
