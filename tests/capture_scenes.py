@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
+from scenes import BOARD
 
 from camcal.boards.aprilgrid import AprilGrid
 from camcal.boards.base import Board
@@ -19,9 +20,10 @@ from camcal.observations import Detection
 from camcal.synthesis.poses import sample_poses
 from camcal.synthesis.scenario import PoseSampling, Scenario
 
-BOARD = Checkerboard(9, 6, 0.025)
 GRID = AprilGrid(6, 5, tag_m=0.03, gap_m=0.009)
 CAMERA = Camera((1280, 960), [[905, 0, 652.7], [0, 906.3, 471.9], [0, 0, 1]], [-0.21, 0.07, 0, 0, -0.011])
+# 117 degrees across the diagonal.
+VERY_WIDE = Camera((1280, 960), [[701.3, 0, 631.2], [0, 699.8, 488.6], [0, 0, 1]], [-0.33, 0.12, 0, 0, -0.014])
 NOISE_PX = 0.05
 _DRAWS = 20_000
 
@@ -132,6 +134,13 @@ def see(
         ids = np.flatnonzero(inside & ((noisy >= -0.5) & (noisy <= np.array(eye.size) - 0.5)).all(axis=1))
         views.append(Detection(f"view_{index:03d}.png", eye.size, ids, noisy[ids], np.full(ids.size, np.nan)))
     return views
+
+
+def careful_views(
+    seed: int, count: int = 12, *, camera: Camera = CAMERA, noise_px: float = NOISE_PX, points: np.ndarray | None = None
+) -> list[Detection]:
+    """Corners of boards held with care."""
+    return see(ordinary_poses(count, seed, camera), seed, camera, noise_px=noise_px, points=points)
 
 
 def grid_of(view: Detection, board: Checkerboard = BOARD) -> np.ndarray:

@@ -5,20 +5,31 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scenes import BOARD, CAMERA
 
-from camcal.boards.checkerboard import Checkerboard
 from camcal.geometry.camera import Camera
 from camcal.geometry.pose import Pose
 from camcal.refinement.corner_shapes import corner_shapes
+from camcal.refinement.look import Look
 from camcal.synthesis.bound import corner_bound
 from camcal.synthesis.poses import sample_pose
 from camcal.synthesis.render import render_ideal
 from camcal.synthesis.scenario import Light, PoseSampling, Scenario, Sensor
 from camcal.synthesis.sensor import expose
 
-BOARD = Checkerboard(9, 6, 0.025)
-CAMERA = Camera((1280, 960), [[900, 0, 645.3], [0, 905, 470.2], [0, 0, 1]], [-0.25, 0.08, 0, 0, -0.01])
 BARREL = Camera((1280, 960), [[780, 0, 645.3], [0, 782, 470.2], [0, 0, 1]], [-0.38, 0.16, 0, 0, -0.03])
+LOOK = Look(
+    blur_sigma_px=0.7,
+    overshoot=0.0,
+    noise=0.008,
+    unexplained=0.008,
+    ink=0.15,
+    paper=0.86,
+    background=0.5,
+    gradient=0.0,
+    gradient_direction_deg=0.0,
+    bits=8,
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,7 +9,6 @@ from camcal.boards.aprilgrid import AprilGrid
 from camcal.boards.checkerboard import Checkerboard
 from camcal.boards.samples import SAMPLES
 from camcal.boards.spec import parse_board
-from camcal.cli import main
 from camcal.errors import InputError
 from camcal.formats.board_file import load_board
 from camcal.workflows.export_board import export_board
@@ -58,13 +57,13 @@ def test_round_trip(tmp_path, spec):
         assert back == board
 
 
-def test_a_board_file_becomes_kalibrs_and_comes_back(tmp_path):
+def test_a_board_file_becomes_kalibrs_and_comes_back(run, tmp_path):
     """board.yaml to target.yaml to board.yaml, byte for byte; by the command line."""
     own, target, back = tmp_path / "board.yaml", tmp_path / "target.yaml", tmp_path / "back.yaml"
     export_board("aprilgrid:6x6:88mm:0.3", own, to="camcal")
-    assert main(["export", str(own), "--to", "kalibr", "-o", str(target)]) == 0
+    assert run("export", own, "--to", "kalibr", "-o", target)[0] == 0
     assert load_board(str(target)) == AprilGrid(6, 6, 0.088, 0.0264)
-    assert main(["board", str(target), "-o", str(back)]) == 0
+    assert run("board", target, "-o", back)[0] == 0
     assert back.read_bytes() == own.read_bytes()
 
 
@@ -85,15 +84,16 @@ def test_what_kalibr_has_no_word_for_is_refused(tmp_path, option, told):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_board_command_writes_a_board_file(tmp_path, capsys):
+def test_the_board_command_writes_a_board_file(run, tmp_path):
     """`camcal board SPEC -o board.yaml` is the board of the SPEC; it is not replaced unasked."""
     path = tmp_path / "board.yaml"
-    arguments = ["board", "checkerboard:9x6:25mm", "-o", str(path)]
-    assert main(arguments) == 0
+    arguments = ("board", "checkerboard:9x6:25mm", "-o", path)
+    code, out, _ = run(*arguments)
+    assert code == 0
     assert load_board(str(path)) == Checkerboard(9, 6, 0.025)
-    assert "checkerboard:9x6:25mm" in capsys.readouterr().out
-    assert main(arguments) == 2
-    assert main([*arguments, "--force"]) == 0
+    assert "checkerboard:9x6:25mm" in out
+    assert run(*arguments)[0] == 2
+    assert run(*arguments, "--force")[0] == 0
 
 
 def test_unknown_formats_get_the_nearest():

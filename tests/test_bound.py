@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from corner_scenes import BOARD, CAMERA, scene
+from corner_scenes import scene
+from scenes import BOARD, CAMERA
 
 from camcal.boards.checkerboard import Checkerboard
 from camcal.geometry.camera import Camera

@@ -9,7 +9,7 @@ import sys
 import pytest
 from terminals import run_on_terminal
 
-from camcal.cli import main, style
+from camcal.cli import style
 from camcal.cli.summary import print_verdict
 from camcal.verdict import LEVELS, WORDS, Finding, Verdict
 
@@ -74,7 +74,7 @@ def test_a_closed_stream_is_no_terminal():
 @pytest.mark.parametrize(
     "arguments", [("verify", "CALIB", "--truth", "DATA"), ("verify", "CALIB", "--truth", "nowhere"), ("calibrate", "--help")]
 )
-def test_colours_change_no_word(arguments, dataset, calibrated, monkeypatch, capsys):
+def test_colours_change_no_word(run, arguments, dataset, calibrated, monkeypatch):
     """Results, failures and help say the same with colours and without; with NO_COLOR the bytes are those of a pipe."""
     arguments = [{"CALIB": str(calibrated), "DATA": str(dataset)}.get(word, word) for word in arguments]
     printed = {}
@@ -83,20 +83,20 @@ def test_colours_change_no_word(arguments, dataset, calibrated, monkeypatch, cap
             monkeypatch.delenv(switch, raising=False)
         if name:
             monkeypatch.setenv(name, "1")
-        main(arguments)
-        captured = capsys.readouterr()
-        printed[name] = captured.out + captured.err
+        _, out, err = run(*arguments)
+        printed[name] = out + err
     assert "\x1b" not in printed[""]
     assert printed["NO_COLOR"] == printed[""]
     assert ESCAPE.search(printed["FORCE_COLOR"])
     assert ESCAPE.sub("", printed["FORCE_COLOR"]) == printed[""]
 
 
-def test_json_has_no_colours(dataset, calibrated, monkeypatch, capsys):
+def test_json_has_no_colours(run, dataset, calibrated, monkeypatch):
     """Not even if they are demanded."""
     monkeypatch.setenv("FORCE_COLOR", "1")
-    assert main(["verify", str(calibrated), "--truth", str(dataset), "--json"]) == 0
-    assert "\x1b" not in capsys.readouterr().out
+    code, out, _ = run("verify", calibrated, "--truth", dataset, "--json")
+    assert code == 0
+    assert "\x1b" not in out
 
 
 def test_verdicts_and_findings_have_words_and_colours(monkeypatch, capsys):

@@ -9,7 +9,6 @@ import sys
 import pytest
 from every_command import COMMANDS
 
-from camcal.cli import main
 from camcal.resources import config_names, sample_board_names
 
 SHELLS = ("bash", "zsh", "fish")
@@ -56,13 +55,14 @@ def test_answers(shell, line, expected):
 
 
 @pytest.mark.parametrize("shell", SHELLS)
-def test_script(shell, capsys):
+def test_script(run, shell):
     """It asks camcal with the variable that camcal looks for, and the help says how to install it."""
-    assert main(["completion", shell]) == 0
-    script = capsys.readouterr().out
+    code, script, _ = run("completion", shell)
+    assert code == 0
     assert f"_CAMCAL_COMPLETE={shell}_complete" in script
-    assert main(["completion", "--help"]) == 0
-    assert f"camcal completion {shell}" in capsys.readouterr().out
+    code, out, _ = run("completion", "--help")
+    assert code == 0
+    assert f"camcal completion {shell}" in out
 
 
 def test_every_argument_that_is_text_can_be_completed():

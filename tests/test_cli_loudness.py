@@ -7,33 +7,31 @@ import shutil
 
 import pytest
 from every_command import COMMANDS
+from messages import Listener, one_line
 
-from camcal.cli import main
-from camcal.workflows.reporting import SilentReporter
 from camcal.workflows.telling import tell_unrefined
 
 
 @pytest.fixture
-def verbose_calibration(dataset, tmp_path, capsys):
+def verbose_calibration(run, dataset, tmp_path):
     """Calibrate a folder with a file that is passed over, and return exit code, stdout and lines of stderr."""
     folder = tmp_path / "photos"
     shutil.copytree(dataset / "images", folder)
     (folder / "torn.png").write_bytes(b"\x89PNG\r\n\x1a\n")
 
     def call(*before: str, behind: tuple[str, ...] = ()) -> tuple[int, str, list[str]]:
-        arguments = ["calibrate", *behind, str(folder), "--board", str(dataset / "board.yaml"), "-o", str(tmp_path / "calib")]
-        code = main([*before, *arguments, "--force", "--no-report"])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err.splitlines()
+        arguments = ("calibrate", *behind, folder, "--board", dataset / "board.yaml", "-o", tmp_path / "calib")
+        code, out, err = run(*before, *arguments, "--force", "--no-report")
+        return code, out, err.splitlines()
 
     return call
 
 
 @pytest.mark.parametrize("name", ["", *sorted(COMMANDS)])
-def test_every_command_has_both(name, capsys):
+def test_every_command_has_both(run, name):
     """And the help says so."""
-    assert main([*([name] if name else []), "-h"]) == 0
-    out = capsys.readouterr().out
+    code, out, _ = run(*([name] if name else []), "-h")
+    assert code == 0
     assert "-q, --quiet" in out
     assert "-v, --verbose" in out
 
@@ -57,10 +55,11 @@ def test_very_quiet_leaves_the_result(verbose_calibration, before, behind):
     assert out == verbose_calibration()[1]
 
 
-def test_failures_are_told_however_quiet(capsys):
+def test_failures_are_told_however_quiet(run):
     """One line, and the exit code."""
-    assert main(["-qqq", "verify", "nowhere", "--truth", "nowhere"]) == 2
-    assert len(capsys.readouterr().err.splitlines()) == 1
+    code, _, err = run("-qqq", "verify", "nowhere", "--truth", "nowhere")
+    assert code == 2
+    assert one_line(err)
 
 
 @pytest.mark.parametrize(("before", "behind"), [(("-v",), ()), ((), ("--verbose",))])
@@ -80,21 +79,17 @@ def test_verbose(verbose_calibration, before, behind):
     assert re.fullmatch(r"calibrate: [\d.]+ s in all \([\d.]+ s of processor time\)", text[-1])
 
 
-def test_verbose_undistort(dataset, tmp_path, capsys):
+def test_verbose_undistort(run, dataset, tmp_path):
     """One line for each file that is written."""
-    arguments = ["undistort", str(dataset / "images"), "--camera", str(dataset), "-o", str(tmp_path / "u")]
-    assert main([*arguments, "-v"]) == 0
-    err = capsys.readouterr().err
+    code, _, err = run("undistort", dataset / "images", "--camera", dataset, "-o", tmp_path / "u", "-v")
+    assert code == 0
     assert len(re.findall(r"^camcal: \S+view_\d{4}\.png: written to ", err, flags=re.MULTILINE)) == 8
 
 
 def test_why_corners_are_not_refined():
     """The reason that stands first is among the details."""
-    heard = []
-
-    class Hearing(SilentReporter):
-        def detail(self, text: str) -> None:
-            heard.append(text)
-
-    tell_unrefined(["RMS is 7 px. Look.", "more"], Hearing())
-    assert heard == ["corners stay as they were fitted, because the first calibration is not to be trusted: RMS is 7 px. Look."]
+    listener = Listener()
+    tell_unrefined(["RMS is 7 px. Look.", "more"], listener)
+    assert listener.details == [
+        "corners stay as they were fitted, because the first calibration is not to be trusted: RMS is 7 px. Look."
+    ]

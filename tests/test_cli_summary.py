@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from camcal.boards.checkerboard import Checkerboard
-from camcal.cli import main
 from camcal.formats.camera_file import load_intrinsics, save_intrinsics
 from camcal.formats.corners_file import load_corners, save_corners
 from camcal.geometry.camera import Camera
@@ -24,12 +23,11 @@ NAN = float("nan")
 
 
 @pytest.fixture
-def printed(dataset, tmp_path, capsys):
+def printed(run, dataset, tmp_path):
     """Calibrate and return what is printed on stdout."""
 
     def call(*inputs: object, board: object = dataset / "board.yaml", output: object = tmp_path / "calib") -> str:
-        main(["calibrate", *map(str, inputs), "--board", str(board), "-o", str(output)])
-        return capsys.readouterr().out
+        return run("calibrate", *inputs, "--board", board, "-o", output, page=True)[1]
 
     return call
 
@@ -162,7 +160,7 @@ def test_summary_tells_where_the_lens_turns_back(summary, tmp_path):
     assert "field of view unknown x " in out
 
 
-def test_summary_names_files_and_a_next_command_that_runs(summary, dataset, tmp_path, monkeypatch, capsys):
+def test_summary_names_files_and_a_next_command_that_runs(run, summary, dataset, tmp_path, monkeypatch):
     """The files written are those named; what it says to run next runs as it stands, spaces in names included."""
     monkeypatch.chdir(tmp_path)
     shutil.copytree(dataset / "images", tmp_path / "my images")
@@ -172,8 +170,7 @@ def test_summary_names_files_and_a_next_command_that_runs(summary, dataset, tmp_
     assert sorted(files.group(2).split(", ")) == sorted(p.name for p in (tmp_path / "calib").iterdir())
     command = re.search(r"^next   camcal (.*)$", out, flags=re.MULTILINE)
     assert command is not None
-    assert main(shlex.split(command.group(1))) == 0
-    capsys.readouterr()
+    assert run(*shlex.split(command.group(1)))[0] == 0
     assert (tmp_path / "undistorted/camera.yaml").is_file()
 
 
@@ -198,10 +195,10 @@ def test_summary_of_an_untrusted_result_suggests_nothing(summary, dataset, tmp_p
     assert "next" not in out
 
 
-def test_verify_rounds_to_the_standard_deviation(dataset, calibrated, capsys):
+def test_verify_rounds_to_the_standard_deviation(run, dataset, calibrated):
     """Estimate and difference have the decimals of the standard deviation beside them; the truth is as the scenario has it."""
-    assert main(["verify", str(calibrated), "--truth", str(dataset)]) == 0
-    out = capsys.readouterr().out
+    code, out, _ = run("verify", calibrated, "--truth", dataset)
+    assert code == 0
     rows = re.findall(r"^ (\w+) +([-\d.]+) +([-\d.]+) +± ([\d.]+) +([-+\d.]+) +([-+\d.]+)$", out, flags=re.MULTILINE)
     assert [row[0] for row in rows] == ["fx", "fy", "cx", "cy", "k1", "k2", "k3"]
     for row in rows:
@@ -210,9 +207,10 @@ def test_verify_rounds_to_the_standard_deviation(dataset, calibrated, capsys):
     assert max(len(line) for line in out.splitlines()) <= 80
 
 
-def test_verify_without_standard_deviations(dataset, tmp_path, capsys):
+def test_verify_without_standard_deviations(run, dataset, tmp_path):
     """Two camera files of unknown quality: numbers in full, a dash where a standard deviation would stand."""
     save_intrinsics(tmp_path / "camera.yaml", Intrinsics(load_intrinsics(dataset).camera))
-    assert main(["verify", str(tmp_path), "--truth", str(dataset / "camera.yaml")]) == 0
-    rows = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith((" fx ", " k1 "))]
+    code, out, _ = run("verify", tmp_path, "--truth", dataset / "camera.yaml")
+    assert code == 0
+    rows = [line.split() for line in out.splitlines() if line.startswith((" fx ", " k1 "))]
     assert rows == [["fx", "520", "520", "±", "-", "+0", "-"], ["k1", "-0.18", "-0.18", "±", "-", "+0", "-"]]

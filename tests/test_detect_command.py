@@ -10,7 +10,6 @@ import cv2
 import numpy as np
 import pytest
 
-from camcal.cli import main
 from camcal.errors import InputError
 from camcal.formats.corners_file import load_corners
 from camcal.formats.images import read_image
@@ -32,18 +31,6 @@ def seen(dataset, tmp_path_factory) -> Path:
     return folder
 
 
-@pytest.fixture
-def run(capsys):
-    """Run a command in this process: exit code, stdout, stderr."""
-
-    def call(*arguments: object) -> tuple[int, str, str]:
-        code = main([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return call
-
-
 def share_near(picture: np.ndarray, colour: tuple[int, int, int]) -> float:
     """Share of the pixels whose three values are within 40 levels of a colour."""
     return float((np.abs(picture.astype(int) - colour).max(axis=2) <= 40).mean())
@@ -58,7 +45,7 @@ def drawn_at(picture: np.ndarray, points: np.ndarray, colour: tuple[int, int, in
 
 def test_its_corners_solve_to_the_same_bytes_as_the_images(run, dataset, seen, tmp_path):
     """camera.yaml and corners.csv are the same files, whether the corners were found on the way or before."""
-    options = ("--board", BOARD, "--refine", "saddle", "--no-report", "-o")
+    options = ("--board", BOARD, "--refine", "saddle", "-o")
     assert run("calibrate", dataset / "images", *options, tmp_path / "images")[0] == 0
     assert run("calibrate", seen / "corners.csv", *options, tmp_path / "corners")[0] == 0
     for name in ("camera.yaml", "corners.csv", "board.yaml"):

@@ -8,7 +8,7 @@ import struct
 
 import pytest
 from exchange_cameras import saved
-from test_exchange_reading import CHAIN, FILES, LENS, ROS_MESSAGE, SAMPLES, write
+from exchange_samples import CHAIN, FILES, LENS, ROS_MESSAGE, SAMPLES, write
 
 from camcal.errors import CamcalError, InputError
 from camcal.formats.camera_file import load_intrinsics

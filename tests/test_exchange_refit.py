@@ -8,30 +8,22 @@ import cv2
 import numpy as np
 import pytest
 from exchange_cameras import CAMERAS, WEBCAM, saved
+from exchange_samples import write
+from messages import Listener
 
 from camcal.errors import InputError, QualityError
-from camcal.formats.camera_file import save_intrinsics
+from camcal.formats.camera_file import load_intrinsics, save_intrinsics
 from camcal.formats.exchange.profile import ForeignLens, Profile
 from camcal.formats.exchange.refit import from_foreign, refitted
 from camcal.geometry.camera import Camera
 from camcal.records import Intrinsics
 from camcal.workflows.export import export_camera
+from camcal.workflows.import_ import import_camera
 
 RADTAN = Profile("radtan", "radtan", (("k1", "k2", "p1", "p2"),), (".yaml",))
 POLY5 = Profile("poly5", "poly5", (("k1", "k2"),), (".xml",), one_focal=True)
 # Nearly a fisheye: no polynomial of so low an order follows it.
 WIDE = Camera((1280, 720), [[300, 0, 640], [0, 300, 360], [0, 0, 1]], [0.2, 0, 0, 0, 0, 0.5])
-
-
-class Listener:
-    """A reporter that remembers the warnings."""
-
-    def __init__(self) -> None:
-        self.told: list[str] = []
-
-    def warn(self, text: str) -> None:
-        """Remember one."""
-        self.told.append(text)
 
 
 def grid(camera: Camera) -> np.ndarray:
@@ -123,7 +115,7 @@ def test_the_difference_is_told_and_written(tmp_path):
     """On the way, in the result and in the file's comment, alike."""
     listener = Listener()
     done = export_camera(saved(tmp_path, "webcam"), "kalibr", tmp_path / "c.yaml", reporter=listener)
-    (told,) = listener.told
+    (told,) = listener.warnings
     figures = rf"differs by up to {done.max_px:.3g} px \(rms {done.rms_px:.2g} px\) over the image"
     assert re.search(rf"Kalibr's camchain cannot hold k3: refitted, it {figures}", told)
     assert re.search(rf"^# Refitted, as the format has no k3: {figures}$", (tmp_path / "c.yaml").read_text(), re.MULTILINE)
@@ -169,3 +161,21 @@ def test_a_foreign_lens_gets_the_fewest_coefficients_that_follow_it():
     target = r * (1 - 0.02 * r - 0.09 * r**2 + 0.03 * r**3)
     left = target - powers @ np.linalg.lstsq(powers, target, rcond=None)[0]
     assert odd.max_px < 4200 * np.abs(left).max()
+
+
+def test_nerfstudio_fourth_coefficient(tmp_path):
+    """Its k4 is that of r⁸: refitted on import, and not taken without being asked."""
+    path = write(tmp_path, "t.json", '{"fl_x": 500, "cx": 320, "cy": 240, "w": 640, "h": 480, "k1": 0.1, "k4": 0.01}')
+    with pytest.raises(InputError, match="camcal import"):
+        load_intrinsics(path)
+    with pytest.raises(QualityError, match="r⁸ term is not camcal's lens: refitted, it differs by up to"):
+        import_camera(path, refit=False)
+    with pytest.raises(QualityError, match="more than --max-refit-px 1e-05"):
+        import_camera(path, tmp_path / "camera.yaml", max_refit_px=1e-5)
+    assert not (tmp_path / "camera.yaml").exists()
+    camera = import_camera(path).camera
+    x = np.linspace(-0.55, 0.55, 23)
+    s = x * x
+    expected = 500 * x * (1 + 0.1 * s + 0.01 * s**4) + 319.5
+    seen = camera.project(np.column_stack([x, np.zeros(23), np.ones(23)]))[:, 0]
+    assert np.abs(seen - expected).max() < 0.01

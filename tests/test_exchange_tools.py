@@ -21,7 +21,6 @@ from camcal.workflows.export import export_camera
 
 # The formula's few dozen roundings, each half of the last bit of a pixel coordinate below 2048, stay far below this.
 CLOSE_PX = 1e-6
-SYSTEM_PYTHON = Path("/usr/bin/python3")
 HELD = {
     "ros": ("pinhole", "radtan", "webcam", "rational"),
     "opencv": ("pinhole", "radtan", "webcam", "rational"),
@@ -152,17 +151,12 @@ print(json.dumps([name, model.imagersize().tolist(), mrcal.project(points, name,
 
 
 @pytest.mark.parametrize("name", HELD["mrcal"])
-def test_mrcal(tmp_path, name):
+def test_mrcal(mrcal_python, tmp_path, name):
     """Mrcal loads the model and projects."""
-    if (
-        not SYSTEM_PYTHON.exists()
-        or subprocess.run([SYSTEM_PYTHON, "-c", "import mrcal"], check=False, capture_output=True).returncode
-    ):
-        pytest.skip("mrcal is not installed")
     path = exported(tmp_path, "mrcal", name, "camera.cameramodel")
     camera = CAMERAS[name]
     given = json.dumps(points(camera).tolist())
-    done = subprocess.run([SYSTEM_PYTHON, "-c", MRCAL, path], input=given, capture_output=True, text=True, check=True)
+    done = subprocess.run([mrcal_python, "-c", MRCAL, path], input=given, capture_output=True, text=True, check=True)
     model, size, pixels = json.loads(done.stdout)
     expected = {"pinhole": "PINHOLE", "radtan": "OPENCV4", "webcam": "OPENCV5", "rational": "OPENCV8"}[name]
     assert (model, tuple(size)) == (f"LENSMODEL_{expected}", camera.size)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from messages import one_line
 
 from camcal.boards.spec import parse_board
 from camcal.calibration.parameters import parse_distortion
-from camcal.cli import main
 from camcal.errors import InputError
 from camcal.formats.board_file import load_board
 from camcal.formats.corners_file import load_corners
@@ -61,13 +61,12 @@ def test_nearest(text, known, meant):
         (("import", "camera.yaml", "-o", "c.yaml", "--from", "nerfstdio"), "'nerfstudio'"),
     ],
 )
-def test_the_command_line_names_what_was_meant(arguments, meant, tmp_path, monkeypatch, capsys):
+def test_the_command_line_names_what_was_meant(run, arguments, meant, tmp_path, monkeypatch):
     """Commands, options, choices, boards, their kinds and options, papers, coefficients, scenarios: exit 2, in one line."""
     monkeypatch.chdir(tmp_path)
-    assert main(arguments) == 2
-    err = capsys.readouterr().err
-    assert len(err.splitlines()) == 1
-    assert f"Did you mean {meant}" in err
+    code, _, err = run(*arguments)
+    assert code == 2
+    assert f"Did you mean {meant}" in one_line(err)
     assert list(tmp_path.iterdir()) == []
 
 

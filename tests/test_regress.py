@@ -8,8 +8,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from messages import one_line
 
 from camcal.cli import main
+from camcal.formats.junit_file import claim_junit, save_junit
 from camcal.workflows import observe
 from camcal.workflows.regress import FIGURES, worse_figures
 
@@ -31,17 +33,10 @@ def suite(tmp_path_factory):
     return folder
 
 
-def run(capsys, *arguments):
-    """Run regress: exit code, stdout, stderr."""
-    code = main(["regress", *(str(argument) for argument in arguments)])
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
-
-
-def test_unchanged_accuracy_passes(suite, capsys, tmp_path):
+def test_unchanged_accuracy_passes(suite, run, tmp_path):
     """Against its own baseline nothing is worse; every figure is in the JSON, and JUnit counts one passed case."""
     junit = tmp_path / "junit.xml"
-    code, out, _ = run(capsys, suite / "small.yaml", "--baseline", suite / "b.json", "--json", "--junit", junit)
+    code, out, _ = run("regress", suite / "small.yaml", "--baseline", suite / "b.json", "--json", "--junit", junit)
     assert code == 0
     result = json.loads(out)["scenarios"]["small"]
     assert set(result["figures"]) == {figure.name for figure in FIGURES}
@@ -59,10 +54,10 @@ def test_corners_are_near_the_bound(suite):
 
 
 @pytest.mark.parametrize("refine", ["saddle", "opencv"])
-def test_a_refinement_stage_switched_off_fails(suite, capsys, tmp_path, refine):
+def test_a_refinement_stage_switched_off_fails(suite, run, tmp_path, refine):
     """Without the warped fit, or without both, the corners are worse: exit 5 naming scenario and figure, one failure."""
     junit = tmp_path / "junit.xml"
-    code, out, err = run(capsys, suite / "small.yaml", "--baseline", suite / "b.json", "--refine", refine, "--junit", junit)
+    code, out, err = run("regress", suite / "small.yaml", "--baseline", suite / "b.json", "--refine", refine, "--junit", junit)
     assert code == 5
     assert "RMS, px" in out
     assert "small: corner_rms_px is " in err
@@ -71,7 +66,7 @@ def test_a_refinement_stage_switched_off_fails(suite, capsys, tmp_path, refine):
     assert "corner_rms_px" in failure.get("message", "")
 
 
-def test_one_corner_shifted_by_a_fiftieth_of_a_pixel_fails(suite, capsys, monkeypatch):
+def test_one_corner_shifted_by_a_fiftieth_of_a_pixel_fails(suite, run, monkeypatch):
     """A single corner of a single view, off by 0.02 px, is seen."""
     honest = observe.refine_warped
 
@@ -92,7 +87,7 @@ def test_one_corner_shifted_by_a_fiftieth_of_a_pixel_fails(suite, capsys, monkey
 
     monkeypatch.setattr(observe, "refine_warped", shifted)
     monkeypatch.setattr("camcal.workflows.solving.observe_again", again)
-    code, _, err = run(capsys, suite / "small.yaml", "--baseline", suite / "b.json")
+    code, _, err = run("regress", suite / "small.yaml", "--baseline", suite / "b.json")
     assert code == 5
     assert "small: corner_max_over_bound is " in err
 
@@ -113,11 +108,11 @@ def test_slack_by_hand():
     assert worse_figures({"corner_rms_px": float("nan")}, reference) != ()
 
 
-def test_update_keeps_other_scenarios(suite, capsys, tmp_path):
+def test_update_keeps_other_scenarios(suite, run, tmp_path):
     """A baseline may hold scenarios that a run does not have; updating one leaves the others."""
     path = tmp_path / "b.json"
     path.write_text('{"scenarios": {"other": {"views": 3}}}')
-    assert run(capsys, suite / "small.yaml", "--baseline", path, "--update-baseline")[0] == 0
+    assert run("regress", suite / "small.yaml", "--baseline", path, "--update-baseline")[0] == 0
     assert set(json.loads(path.read_text())["scenarios"]) == {"other", "small"}
 
 
@@ -131,20 +126,60 @@ def test_update_keeps_other_scenarios(suite, capsys, tmp_path):
         ('{"scenarios": {"other": {}}}', "no figures for small"),
     ],
 )
-def test_unusable_baselines_are_exit_2(suite, capsys, tmp_path, content, message):
+def test_unusable_baselines_are_exit_2(suite, run, tmp_path, content, message):
     """Broken, foreign or incomplete baselines are one line, before any rendering."""
     path = tmp_path / "b.json"
     path.write_text(content)
-    code, _, err = run(capsys, suite / "small.yaml", "--baseline", path)
+    code, _, err = run("regress", suite / "small.yaml", "--baseline", path)
     assert code == 2
     assert message in err
 
 
-def test_unusable_options_are_exit_2(suite, capsys, tmp_path):
+def test_unusable_options_are_exit_2(suite, run, tmp_path):
     """No baseline to update, a missing one, two scenarios of one name, an unknown way to refine."""
     (tmp_path / "twin.yaml").write_text(SCENE.format(name="small"))
     small = suite / "small.yaml"
-    assert run(capsys, small, "--update-baseline")[0] == 2
-    assert run(capsys, small, "--baseline", tmp_path / "missing.json")[0] == 2
-    assert run(capsys, small, tmp_path / "twin.yaml")[0] == 2
-    assert run(capsys, small, "--refine", "magic")[0] == 2
+    assert run("regress", small, "--update-baseline")[0] == 2
+    assert run("regress", small, "--baseline", tmp_path / "missing.json")[0] == 2
+    assert run("regress", small, tmp_path / "twin.yaml")[0] == 2
+    assert run("regress", small, "--refine", "magic")[0] == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--html", "mine"), "mine: output file exists and is not a page that camcal wrote."),
+        (("--junit", "mine"), "mine: output file exists and is not a JUnit file."),
+        (
+            ("--baseline", "mine", "--update-baseline"),
+            "mine: not a baseline (Expecting value: line 1 column 1 (char 0)). It is left",
+        ),
+    ],
+)
+def test_outputs_never_replace_something_else(suite, run, tmp_path, monkeypatch, options, told):
+    """What the suite would write over and is not its own is refused in one line, before any rendering, and stays."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("camcal.workflows.regress.measure", pytest.fail)
+    content = "<html>about a <testsuite/></html>"
+    (tmp_path / "mine").write_text(content)
+    code, out, err = run("regress", suite / "small.yaml", *options)
+    assert (code, out) == (2, "")
+    assert told in one_line(err)
+    assert "--update-baseline" not in err
+    assert (tmp_path / "mine").read_text() == content
+
+
+@pytest.mark.parametrize(
+    "earlier",
+    [
+        '<?xml version="1.0" encoding="utf-8"?>\n<!-- of another tool -->\n<testsuites>\n</testsuites>\n',
+        "\N{BYTE ORDER MARK}<testsuite name='a'/>",
+    ],
+)
+def test_junit_of_an_earlier_run_is_replaced(tmp_path, earlier):
+    """CI writes it again and again: camcal's own, and that of any other tool, make room."""
+    path = tmp_path / "junit.xml"
+    path.write_text(earlier, encoding="utf-8")
+    for _ in range(2):
+        save_junit(claim_junit(path), [("small", 1.0, ())])
+    assert ElementTree.parse(path).getroot().get("name") == "camcal regress"

@@ -7,7 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from corner_scenes import BARREL, BOARD, nearby, rms, scene
+from corner_scenes import BARREL, nearby, rms, scene
+from scenes import BOARD
 
 from camcal.boards.aprilgrid import AprilGrid
 from camcal.observations import Detection

@@ -1,21 +1,18 @@
-"""Lens models on held-out views, and fisheyes: against views really held out, made lenses of every kind, cv2.fisheye."""
+"""Lens models on held-out views: against views really held out, and made lenses of every kind."""
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import pytest
-from capture_scenes import BOARD, CAMERA, Equidistant, ordinary_poses, placed_poses, see
+from capture_scenes import BOARD, CAMERA, VERY_WIDE, careful_views, placed_poses, see
 
-from camcal.boards.checkerboard import Checkerboard
 from camcal.calibration.finish import descend
 from camcal.calibration.normal_equations import Observations, State, view_costs
 from camcal.calibration.solve import solve
 from camcal.compare.projection import predicted_difference_px, projection_difference
 from camcal.geometry.camera import Camera
-from camcal.observations import Detection
 from camcal.records import Intrinsics
-from camcal.trust.fisheye import AngleLens, FisheyeFit, check_fisheye, fit_fisheye
+from camcal.trust.fisheye import check_fisheye
 from camcal.trust.held_out import POLYNOMIALS, RATIONALS, Candidate, Judge
 from camcal.trust.linearised import Linearised
 from camcal.trust.minimum import Minimum
@@ -23,20 +20,12 @@ from camcal.trust.models import ModelCheck, choose_distortion, compare_models
 from camcal.workflows.calibrate import calibrate
 
 USUAL = ("k1", "k2", "k3")
-WIDE = Camera((1280, 960), [[701.3, 0, 631.2], [0, 699.8, 488.6], [0, 0, 1]], [-0.33, 0.12, 0, 0, -0.014])
 RATIONAL = Camera((1280, 960), [[560, 0, 645.3], [0, 561, 470.2], [0, 0, 1]], [0.9, 0.12, 0, 0, 0.002, 1.25, 0.32, 0.012])
-# 110 degrees to either side, as far as boards in front of the camera are seen.
-FISHEYE = Equidistant((1280, 960), 420.0, (640.0, 480.0))
 
 
 def lens(*dist: float) -> Camera:
     """The usual camera behind another lens."""
     return Camera(CAMERA.size, CAMERA.K, dist)
-
-
-def capture(seed: int, count: int = 12, *, camera=CAMERA, noise_px: float = 0.05, **sampling) -> list[Detection]:
-    """Corners of boards held with care."""
-    return see(ordinary_poses(count, seed, camera, **sampling), seed, camera, noise_px=noise_px)
 
 
 def check(views, distortion=USUAL, **options) -> ModelCheck | None:
@@ -64,7 +53,7 @@ def test_held_out_squares_are_those_of_views_held_out(distortion):
 
     First order: residuals of 0.05 px follow a step that is as small; of what they leave, some thousandths are neglected.
     """
-    views = capture(2, 8, camera=lens(-0.21, 0.07))
+    views = careful_views(2, 8, camera=lens(-0.21, 0.07))
     expected = really_held_out(views, distortion)
     minimum = Minimum.of(solve(views, BOARD.object_points), BOARD)
     here = Linearised.of(minimum)
@@ -89,7 +78,7 @@ def test_held_out_squares_are_those_of_views_held_out(distortion):
 def test_the_true_model_is_chosen(dist, distortion):
     """Corners of a lens whose coefficients are known, in two captures each."""
     for seed in (1, 2):
-        calibration = solve(capture(seed, camera=lens(*dist)), BOARD.object_points)
+        calibration = solve(careful_views(seed, camera=lens(*dist)), BOARD.object_points)
         assert choose_distortion(calibration, BOARD) == distortion
 
 
@@ -106,22 +95,22 @@ def test_a_rational_lens_is_chosen_where_no_polynomial_does():
 @pytest.mark.parametrize("distortion", [(), ("k1",), ("k1", "k2")])
 def test_a_wide_lens_needs_more(distortion):
     """From any smaller model the one of the lens is found, and the projection is as far off as it truly is."""
-    views = capture(1, 16, camera=WIDE)
+    views = careful_views(1, 16, camera=VERY_WIDE)
     found = check(views, distortion)
     assert found.best.distortion == USUAL
     (finding,) = found.findings
     assert (finding.code, finding.level) == ("lens_too_simple", "poor")
     assert finding.advice == "Pass --distortion k1,k2,k3."
     fitted = solve(views, BOARD.object_points, distortion=distortion).camera
-    truth = np.median(projection_difference(WIDE, fitted).length_px)
+    truth = np.median(projection_difference(VERY_WIDE, fitted).length_px)
     assert found.difference_px == pytest.approx(truth, rel=0.02)
 
 
 @pytest.mark.parametrize("count", [4, 12])
 def test_the_true_model_raises_no_finding(count):
     """k1..k3 of a lens that has them, in views that reach the corners, and k1, k2 of one that has those."""
-    assert check(capture(5, count, camera=lens(-0.25, 0.08, 0, 0, -0.03))).findings == ()
-    assert check(capture(5, count, camera=lens(-0.25, 0.08)), ("k1", "k2")).findings == ()
+    assert check(careful_views(5, count, camera=lens(-0.25, 0.08, 0, 0, -0.03))).findings == ()
+    assert check(careful_views(5, count, camera=lens(-0.25, 0.08)), ("k1", "k2")).findings == ()
 
 
 def test_an_unsupported_coefficient_is_named():
@@ -184,7 +173,7 @@ def test_advice_where_a_coefficient_is_too_many_and_others_are_missing(held_out_
 
 def test_all_coefficients_of_the_rational_model_are_too_many():
     """k4..k6 of a lens without them are named, and the model of the lens is advised."""
-    found = check(capture(4, 16), RATIONALS[0])
+    found = check(careful_views(4, 16), RATIONALS[0])
     assert found.simpler.distortion in {("k1", "k2"), USUAL}
     (finding,) = found.findings
     assert finding.code == "unsupported_coefficient"
@@ -194,27 +183,27 @@ def test_all_coefficients_of_the_rational_model_are_too_many():
 
 def test_a_board_that_is_shaped_is_compared_too():
     """The board's bow stays free in every model."""
-    found = check(capture(3), shape=("bow_x", "bow_y"))
+    found = check(careful_views(3), shape=("bow_x", "bow_y"))
     assert found.best.distortion in {("k1", "k2"), USUAL}
     assert found.findings == ()
 
 
 def test_three_views_are_too_few():
     """Without one of three views nothing is determined: k1 alone is chosen."""
-    views = capture(1, 3)
+    views = careful_views(1, 3)
     assert check(views) is None
     assert choose_distortion(solve(views, BOARD.object_points), BOARD) == ("k1",)
 
 
 def test_perfect_corners_choose_the_lens():
     """Corners without any noise, of k1 and k2: nothing else is needed, and nothing divides by zero."""
-    found = check(capture(1, camera=lens(-0.2, 0.05), noise_px=0))
+    found = check(careful_views(1, camera=lens(-0.2, 0.05), noise_px=0))
     assert found.best.distortion == ("k1", "k2")
 
 
 def test_small_gains_do_not_count():
     """Of a model that gains a hundredth of the residual or less the simpler one is the best, of one that gains more it is."""
-    minimum = Minimum.of(solve(capture(1), BOARD.object_points), BOARD)
+    minimum = Minimum.of(solve(careful_views(1), BOARD.object_points), BOARD)
     judge = Judge.of(minimum)
     tried = [judge.foreseen(model) for model in POLYNOMIALS]
     least = min(tried, key=lambda each: each.score)
@@ -242,94 +231,6 @@ def test_level_of_a_lens_that_is_too_simple(held_out_px, difference_px, level):
 def test_a_best_model_with_fewer_coefficients_is_no_lack():
     """What the current model has already is not missing."""
     assert compared("k1,k2,k3", "k1,k2", 2.0, 9.0).findings == ()
-
-
-def test_fisheye_formula_is_opencvs():
-    """The lens of angles projects as cv2.fisheye does."""
-    rng = np.random.default_rng(0)
-    points = np.concatenate([rng.uniform(-2, 2, (50, 2)), np.ones((50, 1))], axis=1)
-    coefficients = np.array([0.05, -0.02, 0.007, -0.001])
-    K = np.array([[420.0, 0, 640], [0, 425, 480], [0, 0, 1]])
-    expected, _ = cv2.fisheye.projectPoints(points[:, None], np.zeros(3), np.zeros(3), K, coefficients)
-    camera = Camera((1280, 960), K, AngleLens(coefficients))
-    assert camera.project(points) == pytest.approx(expected.reshape(-1, 2), abs=1e-9)
-    assert camera.unproject(camera.project(points)) == pytest.approx(points, abs=1e-9)
-    assert camera.project([0, 0, 1]).tolist() == [640, 480]
-
-
-def test_fisheye_derivatives():
-    """Jacobians by the point and by the coefficients, against central differences."""
-    angle_lens = AngleLens(np.array([0.05, -0.02, 0.007, -0.001]))
-    points = np.array([[0.3, -0.4], [1.2, 0.7], [-2.0, 0.1]])
-    step = 1e-6
-    for axis in range(2):
-        shift = np.eye(2)[axis] * step
-        slope = (angle_lens.distort(points + shift) - angle_lens.distort(points - shift)) / (2 * step)
-        assert angle_lens.jacobian_points(points)[..., axis] == pytest.approx(slope, abs=1e-8)
-    for index in range(4):
-        shift = np.eye(4)[index] * step
-        high, low = (angle_lens.with_coefficients(angle_lens.coefficients + sign * shift) for sign in (1, -1))
-        slope = (high.distort(points) - low.distort(points)) / (2 * step)
-        assert angle_lens.jacobian_coefficients(points)[..., index] == pytest.approx(slope, rel=1e-6, abs=1e-8)
-    assert angle_lens.jacobian_points(np.zeros(2)).tolist() == [[1, 0], [0, 1]]
-
-
-def test_a_fisheye_is_called_one():
-    """An equidistant lens whose boards reach 80 degrees: it fits to the noise, and the angle is the true one."""
-    views = see(placed_poses(16, 2, FISHEYE, distance_m=(0.12, 0.3)), 2, FISHEYE)
-    found = check_fisheye(Minimum.of(solve(views, BOARD.object_points), BOARD))
-    (finding,) = found.findings
-    assert (finding.code, finding.level) == ("fisheye", "rejected")
-    # 0.05 px per axis, and 12 unknowns of 100 numbers a view.
-    assert found.rms_px == pytest.approx(0.05 * np.sqrt(2), rel=0.15)
-    farthest = max(np.linalg.norm(view.corners_px - FISHEYE.centre, axis=1).max() for view in views)
-    assert found.angle_deg == pytest.approx(np.degrees(farthest / FISHEYE.f), abs=1)
-    assert found.pinhole_rms_px > 1
-
-
-def test_a_fisheye_that_no_pinhole_could_be_solved_from():
-    """The same from corners alone."""
-    views = see(placed_poses(16, 2, FISHEYE, distance_m=(0.12, 0.3)), 2, FISHEYE)
-    found = fit_fisheye(views, BOARD.object_points)
-    assert found.is_fisheye
-    assert found.text.startswith("this is a fisheye: no pinhole can be fitted, a fisheye model 0.0")
-
-
-def test_other_misfits_are_no_fisheyes():
-    """Not a wide lens without k2, not corners that are numbered wrongly, and none where the fit is good."""
-    wide = capture(1, 16, camera=WIDE)
-    poor = Minimum.of(solve(wide, BOARD.object_points, distortion=("k1",)), BOARD)
-    assert poor.cost / poor.seen.view.size > 1
-    assert not check_fisheye(poor).is_fisheye
-    assert check_fisheye(Minimum.of(solve(wide, BOARD.object_points), BOARD)) is None
-    rng = np.random.default_rng(0)
-    shuffled = [Detection(v.source, v.size, v.ids, rng.permutation(v.corners_px), v.sigma_px) for v in wide]
-    found = fit_fisheye(shuffled, BOARD.object_points)
-    assert found is None or not found.is_fisheye
-
-
-@pytest.mark.parametrize(
-    ("rms_px", "pinhole_px", "angle", "expected"),
-    [(0.3, 9, 85, True), (0.3, 9, 55, False), (0.3, 0.95, 85, False), (0.5, 1.4, 85, False), (4, 100, 85, False)],
-)
-def test_what_makes_a_fisheye(rms_px, pinhole_px, angle, expected):
-    """A pinhole that leaves over a pixel and three times as much as the fisheye, which fits, and wide angles."""
-    assert FisheyeFit(rms_px, pinhole_px, pinhole_px, angle).is_fisheye is expected
-
-
-def test_photographs_of_a_fisheye(photos):
-    """Reference corners of a lens of 180 degrees: a fisheye leaves half a pixel, a pinhole ten."""
-    views = []
-    for path in sorted((photos / "fisheye_plane").glob("*.orpc"))[::2]:
-        rows = np.array([line.split(",") for line in path.read_text().splitlines()[5:]], dtype=float)
-        rows = rows[np.argsort(rows[:, 1])]
-        views.append(Detection(path.name, (1280, 800), rows[:, 1].astype(int), rows[:, 3:], np.full(len(rows), np.nan)))
-    board = Checkerboard(22, 22, 0.03)
-    found = check_fisheye(Minimum.of(solve(views, board.object_points), board))
-    (finding,) = found.findings
-    assert finding.level == "rejected"
-    assert 8 < found.left_px < 12
-    assert found.rms_px < 0.6
 
 
 def test_photographs_that_do_not_determine_k3(photos):

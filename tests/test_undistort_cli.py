@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 import re
 import shutil
 import signal
@@ -15,64 +14,48 @@ from types import SimpleNamespace
 
 import click
 import cv2
-import numpy as np
 import pytest
 from every_command import COMMANDS
-from undistort_files import CAMERA, SIZE
+from loaded_modules import loaded_by
+from messages import one_line
+from undistort_files import CAMERA, make_images, tree
 from videos import make_video, read_video
 
-from camcal.cli import main
 from camcal.formats.camera_file import load_intrinsics, save_intrinsics
 from camcal.formats.ledger_file import LEDGER_NAME
 from camcal.records import Intrinsics
 
 
 @pytest.fixture
-def run(capsys, tmp_path, monkeypatch):
+def undistort(run, tmp_path, monkeypatch):
     """Run the command in a folder with a camera.yaml and three photos: exit code, stdout, stderr."""
     monkeypatch.chdir(tmp_path)
     save_intrinsics("camera.yaml", Intrinsics(CAMERA))
-    Path("photos").mkdir()
-    for name in "abc":
-        write_image(f"photos/{name}.png")
+    make_images(tmp_path / "photos", "a.png", "b.png", "c.png")
 
     def call(*arguments: object, camera: str = "camera.yaml") -> tuple[int, str, str]:
-        code = main(["undistort", *map(str, arguments), "--camera", camera])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
+        return run("undistort", *arguments, "--camera", camera)
 
     return call
 
 
-def write_image(path: str, size: tuple[int, int] = SIZE) -> None:
-    """Write an image of noise."""
-    assert cv2.imwrite(path, np.random.default_rng(0).integers(0, 256, (size[1], size[0], 3), dtype=np.uint8))
-
-
-def names(folder: str) -> list[str]:
-    """Names of a folder's files."""
-    return sorted(path.name for path in Path(folder).iterdir())
-
-
-def one_line(err: str) -> str:
-    """The only line of stderr."""
-    assert len(err.splitlines()) == 1, err
-    return err.strip()
-
-
-def test_what_it_says(run):
+def test_what_it_says(undistort):
     """One line on what was written: for a folder, for one file, with a video, for points, and when all was done before."""
-    assert run("photos", "-o", "flat") == (0, "flat: 3 undistorted images and their camera.yaml.\n", "")
-    assert run("photos", "-o", "flat", "--resume") == (0, "flat: nothing new (3 done before) and their camera.yaml.\n", "")
-    assert run("photos/a.png", "-o", "one") == (0, "one: 1 undistorted image and its camera.yaml.\n", "")
-    assert run("photos/a.png", "-o", "b.png", "--distort") == (0, "b.png: distorted; its camera is b.camera.yaml.\n", "")
+    assert undistort("photos", "-o", "flat") == (0, "flat: 3 undistorted images and their camera.yaml.\n", "")
+    assert undistort("photos", "-o", "flat", "--resume") == (
+        0,
+        "flat: nothing new (3 done before) and their camera.yaml.\n",
+        "",
+    )
+    assert undistort("photos/a.png", "-o", "one") == (0, "one: 1 undistorted image and its camera.yaml.\n", "")
+    assert undistort("photos/a.png", "-o", "b.png", "--distort") == (0, "b.png: distorted; its camera is b.camera.yaml.\n", "")
     make_video(Path("photos/clip.mkv"), codec="ffv1", frames=2)
-    assert run("photos", "-o", "both")[1] == "both: 3 undistorted images and 1 undistorted video and their camera.yaml.\n"
+    assert undistort("photos", "-o", "both")[1] == "both: 3 undistorted images and 1 undistorted video and their camera.yaml.\n"
     Path("p.csv").write_text("x,y\n1,2\n")
-    assert run("p.csv", "-o", "points") == (0, "points: 1 undistorted file of points and its camera.yaml.\n", "")
+    assert undistort("p.csv", "-o", "points") == (0, "points: 1 undistorted file of points and its camera.yaml.\n", "")
 
 
-def test_every_option_of_the_geometry(run):
+def test_every_option_of_the_geometry(undistort):
     """Each reaches the camera of the results."""
     cameras = {}
     for name, flags in {
@@ -84,7 +67,7 @@ def test_every_option_of_the_geometry(run):
         "crop": ("--alpha", "1", "--crop", "valid"),
         "target": ("--target", "size"),
     }.items():
-        assert run("photos/a.png", "-o", name, *flags)[0] == 0
+        assert undistort("photos/a.png", "-o", name, *flags)[0] == 0
         cameras[name] = load_intrinsics(name).camera
     assert cameras["alpha"].K[0, 0] < cameras["plain"].K[0, 0]
     assert cameras["fov"].field_of_view_deg[0] == pytest.approx(60, abs=1e-9)
@@ -92,21 +75,21 @@ def test_every_option_of_the_geometry(run):
     assert cameras["scale"].size == (128, 96)
     assert cameras["crop"].size < cameras["alpha"].size
     assert cameras["target"].intrinsics.tolist() == cameras["size"].intrinsics.tolist()
-    write_image("large.png", (128, 96))
-    assert run("large.png", "-o", "large", "--rescale")[0] == 0
+    make_images(Path(), "large.png", size=(128, 96))
+    assert undistort("large.png", "-o", "large", "--rescale")[0] == 0
     assert load_intrinsics("large").camera.size == (128, 96)
 
 
-def test_options_of_pixels_and_files(run):
+def test_options_of_pixels_and_files(undistort):
     """Format, quality, fill, mask, maps, interpolation, exact positions and light, all at once."""
     flags = ("--format", "tif", "--fill", "10,20,30", "--mask", "--maps", "--interpolation", "lanczos", "--exact")
-    assert run("photos", "-o", "flat", *flags, "--gamma", "srgb", "--alpha", "1", "--most-pixels", "10000")[0] == 0
-    assert names("flat") == ["a.tif", "b.tif", "c.tif", "camera.yaml", "maps.npz", "maps.tiff", "mask.png", LEDGER_NAME]
+    assert undistort("photos", "-o", "flat", *flags, "--gamma", "srgb", "--alpha", "1", "--most-pixels", "10000")[0] == 0
+    assert tree(Path("flat")) == ["a.tif", "b.tif", "c.tif", "camera.yaml", "maps.npz", "maps.tiff", "mask.png", LEDGER_NAME]
     outside = cv2.imread("flat/mask.png", cv2.IMREAD_UNCHANGED) == 0
     assert (cv2.imread("flat/a.tif")[outside] == (30, 20, 10)).all()
 
 
-def test_options_of_videos(run):
+def test_options_of_videos(undistort):
     """Codec, quality, pixels, preset and frames reach the encoder."""
     make_video(Path("clip.mkv"), codec="ffv1", frames=6)
     flags = (
@@ -122,21 +105,21 @@ def test_options_of_videos(run):
         "2:5",
         "--lossy",
     )
-    assert run("clip.mkv", "-o", "out.mp4", *flags)[0] == 0
+    assert undistort("clip.mkv", "-o", "out.mp4", *flags)[0] == 0
     video = read_video(Path("out.mp4"))
     assert (video.codec, len(video.frames), video.frames[0].format.name) == ("h264", 3, "yuv444p")
 
 
-def test_a_list_on_standard_input(run, monkeypatch):
+def test_a_list_on_standard_input(undistort, monkeypatch):
     """Lines or NUL-separated, beside other inputs; an entry that cannot be used is reported in the end with exit code 2."""
     for content in (b"photos/a.png\r\nphotos/b.png\n\n", b"photos/a.png\0photos/b.png\0"):
         monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(content)))
-        assert run("-", "photos/c.png", "-o", "flat", "--force")[:2] == (
+        assert undistort("-", "photos/c.png", "-o", "flat", "--force")[:2] == (
             0,
             "flat: 3 undistorted images and their camera.yaml.\n",
         )
     monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(b"photos/a.png\ngone.png\n")))
-    code, out, err = run("-", "-o", "some")
+    code, out, err = undistort("-", "-o", "some")
     assert (code, out) == (2, "some: 1 undistorted image and its camera.yaml.\n")
     assert err.splitlines() == [
         "camcal: warning: gone.png: passed over: no such file. Check the path.",
@@ -144,44 +127,71 @@ def test_a_list_on_standard_input(run, monkeypatch):
     ]
     for stdin in (None, SimpleNamespace(buffer=io.BytesIO(b""))):
         monkeypatch.setattr(sys, "stdin", stdin)
-        code, _, err = run("-", "-o", "none")
+        code, _, err = undistort("-", "-o", "none")
         assert (code, one_line(err)) == (
             2,
             "camcal: undistort: no images or videos given. Name some, or a folder that holds some.",
         )
 
 
-def test_one_unreadable_file_among_many(run):
+@pytest.mark.parametrize("missing", ["photos/lost", "photos/lost.txt", "photos/b.png", "gone/", "photos/link.png"])
+def test_a_list_with_something_that_is_not_there(undistort, monkeypatch, missing):
+    """Whatever its name ends in, and a link that leads nowhere: named, with exit code 2; so it is in a dry run."""
+    Path("photos/link.png").symlink_to("nowhere.png")
+    Path("photos/b.png").unlink()
+    for options in ((), ("--dry-run", "--force")):
+        monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(f"photos/a.png\n{missing}\n".encode())))
+        code, _, err = undistort("-", "-o", "some", *options)
+        assert code == 2
+        assert err.splitlines() == [
+            f"camcal: warning: {missing.rstrip('/')}: passed over: no such file. Check the path.",
+            f"camcal: undistort: 1 of 2 files passed over (first: {missing.rstrip('/')}: no such file. Check the path.)",
+        ]
+
+
+def test_a_list_from_an_editor(undistort, monkeypatch):
+    """A byte order mark, blanks behind a name and lines of blanks mean nothing; a name that ends in a blank does."""
+    shutil.copy("photos/b.png", "photos/b.png ")
+    lines = b"\xef\xbb\xbfphotos/a.png \t\r\n  \nphotos/c.png  \nphotos/b.png \n"
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(lines)))
+    code, out, err = undistort("-", "-o", "flat")
+    assert (code, out) == (0, "flat: 2 undistorted images and their camera.yaml.\n")
+    assert err == "camcal: warning: 1 other file passed over (first: b.png ).\n"
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(b"photos/a.png \0")))
+    assert undistort("-", "-o", "none")[0] == 2
+
+
+def test_one_unreadable_file_among_many(undistort):
     """The others are done; it is named, and the exit code says so."""
     Path("photos/b.png").write_bytes(Path("photos/b.png").read_bytes()[:500])
-    code, out, err = run("photos", "-o", "flat")
+    code, out, err = undistort("photos", "-o", "flat")
     assert (code, out) == (2, "flat: 2 undistorted images and their camera.yaml.\n")
-    assert names("flat") == ["a.png", "c.png", "camera.yaml", LEDGER_NAME]
+    assert tree(Path("flat")) == ["a.png", "c.png", "camera.yaml", LEDGER_NAME]
     assert "camcal: undistort: 1 of 3 files passed over (first: b.png: truncated" in err
     shutil.copy("photos/a.png", "photos/b.png")
-    assert run("photos", "-o", "flat", "--resume")[:2] == (
+    assert undistort("photos", "-o", "flat", "--resume")[:2] == (
         0,
         "flat: 1 undistorted image (2 done before) and its camera.yaml.\n",
     )
 
 
-def test_a_dry_run_prints_the_plan(run):
+def test_a_dry_run_prints_the_plan(undistort):
     """Input, output, size and format of each file that would be done, and how many are done; nothing is written."""
-    code, out, err = run("photos", "-o", "flat", "--dry-run", "--size", "32x24", "--format", "jpg")
+    code, out, err = undistort("photos", "-o", "flat", "--dry-run", "--size", "32x24", "--format", "jpg")
     assert (code, err) == (0, "")
     assert out.splitlines() == [f"photos/{name}.png -> flat/{name}.jpg  32x24 jpg" for name in "abc"]
     assert not Path("flat").exists()
-    assert run("photos/a.png", "photos/b.png", "-o", "flat")[0] == 0
-    _, out, _ = run("photos", "-o", "flat", "--dry-run", "--resume")
+    assert undistort("photos/a.png", "photos/b.png", "-o", "flat")[0] == 0
+    _, out, _ = undistort("photos", "-o", "flat", "--dry-run", "--resume")
     assert out.splitlines() == ["photos/c.png -> flat/c.png  64x48 png", "2 more are done already."]
 
 
-def test_a_plan_with_odd_names_is_lines_of_text(run):
+def test_a_plan_with_odd_names_is_lines_of_text(undistort):
     """What would move the cursor of a terminal is written as an escape; so it is in what is said in the end."""
-    write_image("photos/x\n\x1b[2Jy.png")
-    _, out, _ = run("photos", "-o", "flat", "--dry-run")
+    make_images(Path(), "photos/x\n\x1b[2Jy.png")
+    _, out, _ = undistort("photos", "-o", "flat", "--dry-run")
     assert out.splitlines()[-1] == r"photos/x\n\x1b[2Jy.png -> flat/x\n\x1b[2Jy.png  64x48 png"
-    assert run("photos/a.png", "-o", "flat\x1b[2J.png")[1].startswith(r"flat\x1b[2J.png: undistorted")
+    assert undistort("photos/a.png", "-o", "flat\x1b[2J.png")[1].startswith(r"flat\x1b[2J.png: undistorted")
 
 
 @pytest.mark.parametrize(
@@ -211,36 +221,36 @@ def test_a_plan_with_odd_names_is_lines_of_text(run):
         (("photos", "-o", "o", "--target", "gone.yaml"), "gone.yaml: no such file"),
     ],
 )
-def test_failures_are_one_line(run, arguments, told):
+def test_failures_are_one_line(undistort, arguments, told):
     """Exit code 2 and one line that names the cause; nothing is written."""
-    code, out, err = run(*arguments)
+    code, out, err = undistort(*arguments)
     assert (code, out) == (2, "")
     assert told in one_line(err).splitlines()[-1]
     assert not Path("o").exists()
 
 
-def test_a_camera_file_of_none(run):
+def test_a_camera_file_of_none(undistort):
     """An image, or YAML of something else, is no camera."""
     Path("other.yaml").write_text("type: checkerboard\n")
     for camera in ("other.yaml", "photos/a.png", "photos", "gone.yaml"):
-        code, _, err = run("photos", "-o", "flat", camera=camera)
+        code, _, err = undistort("photos", "-o", "flat", camera=camera)
         assert code == 2
         assert one_line(err).startswith(f"camcal: {camera}")
 
 
-def test_the_cluster_is_an_extra(run, monkeypatch):
+def test_the_cluster_is_an_extra(undistort, monkeypatch):
     """Without it installed: one line that names the extra; an address where nobody answers is one line too."""
-    code, _, err = run("photos", "-o", "o", "--scheduler", "tcp://127.0.0.1:1")
+    code, _, err = undistort("photos", "-o", "o", "--scheduler", "tcp://127.0.0.1:1")
     assert code == 2
     assert re.fullmatch(
         r"camcal: --scheduler: tcp://127\.0\.0\.1:1 does not answer \(.*\)\. Check the address\.", one_line(err)
     )
     monkeypatch.setitem(sys.modules, "distributed", None)
-    code, _, err = run("photos", "-o", "o", "--scheduler", "tcp://127.0.0.1:1")
+    code, _, err = undistort("photos", "-o", "o", "--scheduler", "tcp://127.0.0.1:1")
     assert code == 2
     assert "pip install 'camcal[distributed]'" in one_line(err)
     # What came to nothing is not in the way.
-    assert run("photos", "-o", "o")[0] == 0
+    assert undistort("photos", "-o", "o")[0] == 0
 
 
 def test_the_help_is_in_sections():
@@ -254,7 +264,7 @@ def test_the_help_is_in_sections():
             assert len(re.findall(rf"^ +(?:-\w, )?{option.opts[-1]}\b", text, flags=re.MULTILINE)) == 1, option.opts
 
 
-def test_killed_and_resumed(run):
+def test_killed_and_resumed(undistort):
     """SIGKILL half-way through: what is there is whole, there is no camera, and --resume does the rest, each once."""
     for index in range(300):
         shutil.copy("photos/a.png", f"photos/{index:03}.png")
@@ -273,14 +283,14 @@ def test_killed_and_resumed(run):
     noted = len(Path("flat", LEDGER_NAME).read_text().splitlines()) - 1
     # Each thread had at most one result without a line.
     assert len(begun) - noted <= 2
-    code, out, err = run("photos", "-o", "flat", "--resume")
+    code, out, err = undistort("photos", "-o", "flat", "--resume")
     assert (code, out) == (0, f"flat: {303 - noted} undistorted images ({noted} done before) and their camera.yaml.\n"), err
-    assert len(names("flat")) == 303 + 2
+    assert len(tree(Path("flat"))) == 303 + 2
     replaced = [name for name, inode in begun.items() if Path("flat", name).stat().st_ino != inode]
     assert len(replaced) == len(begun) - noted
 
 
-@pytest.mark.usefixtures("run")
+@pytest.mark.usefixtures("undistort")
 def test_a_file_that_may_grow_no_further():
     """A limit of the system in the middle of a file: one line, no half-written file, exit code 2."""
     script = (
@@ -295,15 +305,9 @@ def test_a_file_that_may_grow_no_further():
     assert not Path("flat").exists()
 
 
-@pytest.mark.usefixtures("run")
+@pytest.mark.usefixtures("undistort")
 def test_one_small_image_waits_for_little():
     """What neither reads nor writes an image is not loaded for one: it takes longer than the image."""
     slow = {"pydantic", "yaml", "rich", "av", "PIL", "skimage", "distributed", "concurrent.futures", "threadpoolctl", "json"}
-    script = f"""
-import sys
-from camcal.cli import main
-assert main(["undistort", "photos/a.png", "--camera", "camera.yaml", "-o", "flat"]) == 0
-print(*sorted({slow!r} & set(sys.modules)))
-"""
-    finished = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, env=os.environ)
-    assert finished.stdout.splitlines()[1:] == [""]
+    script = "from camcal.cli import main; assert main(sys.argv[1:]) == 0"
+    assert not slow & loaded_by(script, "undistort", "photos/a.png", "--camera", "camera.yaml", "-o", "flat")

@@ -43,7 +43,7 @@ _MOVED_TO = 0x80
 
 
 @pytest.fixture(scope="module")
-def photos(tmp_path_factory) -> Path:
+def workplace(tmp_path_factory) -> Path:
     """A camera, and images that take some hundredths of a second each."""
     folder = tmp_path_factory.mktemp("cluster")
     save_intrinsics(folder / "camera.yaml", Intrinsics(CAMERA))
@@ -85,9 +85,9 @@ def worker(address: str) -> Iterator[subprocess.Popen]:
         yield process
 
 
-def undistort(photos: Path, address: str, *flags: object) -> subprocess.Popen:
+def undistort(workplace: Path, address: str, *flags: object) -> subprocess.Popen:
     """Start the command in the background."""
-    command = [sys.executable, "-m", "camcal", "undistort", photos / "photos", "--camera", photos / "camera.yaml"]
+    command = [sys.executable, "-m", "camcal", "undistort", workplace / "photos", "--camera", workplace / "camera.yaml"]
     every = [*command, "--scheduler", address, *flags]
     return subprocess.Popen([str(part) for part in every], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
@@ -127,14 +127,14 @@ def ledger_names(folder: Path) -> list[str]:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="inotify is Linux's")
-def test_a_worker_that_dies_half_way(photos, tmp_path):
+def test_a_worker_that_dies_half_way(workplace, tmp_path):
     """Two workers that come late, of which one is killed: nothing is lost, nothing is written twice, nothing differs."""
     out, here = tmp_path / "out", tmp_path / "here"
     out.mkdir()
     names = [f"{index:02}.png" for index in range(COUNT)]
     watch = Watch(out)
     with scheduler(tmp_path) as (address, _):
-        command = undistort(photos, address, "-o", out)
+        command = undistort(workplace, address, "-o", out)
         assert command.stderr is not None
         assert f"--scheduler: {address} has no workers yet; waiting for one." in command.stderr.readline()
         with worker(address) as first, worker(address):
@@ -142,21 +142,21 @@ def test_a_worker_that_dies_half_way(photos, tmp_path):
             first.send_signal(signal.SIGKILL)
             text, err = command.communicate(timeout=120)
             assert (command.returncode, text) == (0, f"{out}: {COUNT} undistorted images and their camera.yaml.\n"), err
-            again = undistort(photos, address, "-o", out, "--resume")
+            again = undistort(workplace, address, "-o", out, "--resume")
             text, err = again.communicate(timeout=120)
             assert (again.returncode, text) == (0, f"{out}: nothing new ({COUNT} done before) and their camera.yaml.\n"), err
     assert {name: count for name, count in watch.counts().items() if name.endswith(".png")} == dict.fromkeys(names, 1)
     assert ledger_names(out) == names
-    camcal.undistort(photos / "photos", photos / "camera.yaml", here)
+    camcal.undistort(workplace / "photos", workplace / "camera.yaml", here)
     assert sorted(path.name for path in out.iterdir()) == sorted(path.name for path in here.iterdir())
     assert all((out / name).read_bytes() == (here / name).read_bytes() for name in [*names, "camera.yaml"])
 
 
-def test_a_scheduler_that_dies(photos, tmp_path):
+def test_a_scheduler_that_dies(workplace, tmp_path):
     """One line and exit code 2; what is finished stays, and this machine goes on with the rest."""
     out = tmp_path / "out"
     with scheduler(tmp_path) as (address, process), worker(address):
-        command = undistort(photos, address, "-o", out)
+        command = undistort(workplace, address, "-o", out)
         wait_for(lambda: len(list(out.glob("*.png"))) >= 3)
         process.kill()
         text, err = command.communicate(timeout=120)
@@ -164,16 +164,16 @@ def test_a_scheduler_that_dies(photos, tmp_path):
     assert err.splitlines()[-1] == ("camcal: --scheduler: the connection was lost. Go on with --resume when it is there again.")
     noted = ledger_names(out)
     assert not (out / "camera.yaml").exists()
-    done = camcal.undistort(photos / "photos", photos / "camera.yaml", out, resume=True)
+    done = camcal.undistort(workplace / "photos", workplace / "camera.yaml", out, resume=True)
     assert sorted(job.name for job in done.already_done) == noted
     assert len(done.outputs) == COUNT - len(noted)
 
 
-def test_interrupted(photos, tmp_path):
+def test_interrupted(workplace, tmp_path):
     """Ctrl-C: exit code 130 and one line; tasks that had not begun are taken back."""
     out = tmp_path / "out"
     with scheduler(tmp_path) as (address, _), worker(address):
-        command = undistort(photos, address, "-o", out)
+        command = undistort(workplace, address, "-o", out)
         wait_for(lambda: len(list(out.glob("*.png"))) >= 3)
         command.send_signal(signal.SIGINT)
         text, err = command.communicate(timeout=60)
@@ -189,19 +189,19 @@ def test_interrupted(photos, tmp_path):
 
 
 @pytest.fixture
-def task(photos, tmp_path) -> Task:
+def task(workplace, tmp_path) -> Task:
     """The first image's."""
-    return Task(Job(photos / "photos/00.png", tmp_path / "00.png", "00.png"), before=None)
+    return Task(Job(workplace / "photos/00.png", tmp_path / "00.png", "00.png"), before=None)
 
 
-def test_a_task_travels(task, photos):
+def test_a_task_travels(task, workplace):
     """Task and setting survive the way to a worker, on which the source's stamp is taken; its map is built once."""
     built = []
     for _ in range(2):
         there, setting = pickle.loads(pickle.dumps((replace(task, before=Stamp.of(task.job.target)), SETTING)))
         report = pickle.loads(pickle.dumps(do_task(there, setting)))
         assert report.outcome == Finished(task.job)
-        assert report.read == Stamp.of(photos / "photos/00.png")
+        assert report.read == Stamp.of(workplace / "photos/00.png")
         built.append(undistort_cluster._undistorter(setting).map)
     assert built[0] is built[1]
     other = replace(SETTING, cameras=Geometry(alpha=1).cameras(CAMERA))

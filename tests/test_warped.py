@@ -5,7 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from corner_scenes import BARREL, BOARD, CAMERA, nearby, rms, scene
+from corner_scenes import BARREL, nearby, rms, scene
+from scenes import BOARD, CAMERA
 
 from camcal.boards.aprilgrid import AprilGrid
 from camcal.geometry.camera import Camera

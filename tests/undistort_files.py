@@ -30,8 +30,9 @@ def make_images(folder: Path, *names: str, size: tuple[int, int] = SIZE) -> Path
 
 
 def tree(folder: Path) -> list[str]:
-    """Every file of a folder, by its path below it."""
-    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir())
+    """Every file of a folder, by its path below it, and every folder that is empty."""
+    found = (path for path in folder.rglob("*") if not path.is_dir() or not any(path.iterdir()))
+    return sorted(path.relative_to(folder).as_posix() for path in found)
 
 
 def stamps(folder: Path) -> dict[str, tuple[int, int]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from camcal.geometry.camera import Camera
@@ -17,6 +18,8 @@ LENSES = {
 }
 FOLDED = ("rational", "fold", "tangential fold")
 """Lenses that turn back within the image, the first only just."""
+COORDINATE_PX = 2.5e-4
+"""How far a map's coordinates may be from the float64 model."""
 
 
 def camera_of(lens: str, size: tuple[int, int] = (640, 480)) -> Camera:
@@ -60,3 +63,18 @@ def shifted_pair(size: tuple[int, int], by: tuple[float, float]) -> tuple[Camera
     moved = K.copy()
     moved[:2, 2] -= by
     return Camera(size, K), Camera(size, moved)
+
+
+def noise(shape: tuple[int, ...], dtype, seed: int = 0) -> np.ndarray:
+    """Blurred noise over most of the range of a dtype (0..1 for floats)."""
+    rng = np.random.default_rng(seed)
+    smooth = cv2.GaussianBlur(rng.normal(size=shape), (0, 0), 1.5)
+    share = 0.5 + 0.15 * smooth / smooth.std()
+    full = 1.0 if dtype == np.float32 else np.iinfo(dtype).max
+    return np.clip(full * share, 0, full).astype(dtype)
+
+
+def steepest(image: np.ndarray) -> float:
+    """Largest difference between neighbouring pixels along an axis."""
+    pixels = image.astype(np.float64)
+    return float(max(np.abs(np.diff(pixels, axis=0)).max(), np.abs(np.diff(pixels, axis=1)).max()))

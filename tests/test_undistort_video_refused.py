@@ -1,0 +1,90 @@
+"""Videos, targets and options that cannot be: each refused in one line with what would do, and nothing is left."""
+
+from __future__ import annotations
+
+import av
+import pytest
+from undistorted_videos import CAMERA, INNER, refused, undistort
+from videos import RATE, SIZE, make_sound, make_video
+
+from camcal.geometry.camera import Camera
+
+
+def test_what_is_no_video_is_named_as_what_it_is(tmp_path):
+    """Nothing there, a folder, an empty file, text, and sound without pictures."""
+    empty, text, folder = tmp_path / "empty.mp4", tmp_path / "text.mp4", tmp_path / "folder.mp4"
+    empty.touch()
+    text.write_text("no video at all\n" * 100)
+    folder.mkdir()
+    refused(tmp_path / "missing.mp4", "cannot be read .no such file")
+    refused(folder, "a folder")
+    refused(empty, "empty file")
+    refused(text, "not a video that can be read")
+    refused(make_sound(tmp_path / "sound.mp4"), r"no video in this file \(got audio\)")
+
+
+def test_a_video_without_frames(tmp_path):
+    """A header, and nothing behind it."""
+    source = tmp_path / "none.avi"
+    with av.open(str(source), "w") as target:
+        target.add_stream("mpeg4", rate=RATE, width=SIZE[0], height=SIZE[1])
+        target.start_encoding()
+    refused(source, "no frame could be decoded|not a video that can be read")
+
+
+def test_the_wrong_size_is_refused_by_name(tmp_path):
+    """A camera of another size; of a video that is shown upright, the stored size is named."""
+    source = make_video(tmp_path / "in.mp4", rotation=90)
+    text = refused(source, "not the camera's image size", camera=CAMERA.scaled((48, 64)))
+    assert "in.mp4" in text
+    assert "got 64x48, shown turned by 90 degrees, expected 48x64" in text
+
+
+def test_interlaced_video_is_refused_unless_it_is_only_marked_so(tmp_path):
+    """Two moments in one frame cannot be moved together; what a person declares to be whole is."""
+    options = {"flags": "+ildct+ilme", "x264-params": "tff=1"}
+    source = make_video(tmp_path / "in.mp4", options=options)
+    refused(source, "interlaced")
+    assert undistort(source, as_progressive=True).frames == 10
+
+
+def test_frames_that_change_size_are_refused(tmp_path):
+    """Two transport streams behind each other are one stream that changes."""
+    first, second = (make_video(tmp_path / name, size=size, frames=15) for name, size in (("a.ts", SIZE), ("b.ts", (96, 64))))
+    both = tmp_path / "both.ts"
+    both.write_bytes(first.read_bytes() + second.read_bytes())
+    refused(both, r"frames change at .* s \(got 96x64 yuv420p, expected 64x48 yuv420p\)|time goes back")
+
+
+def test_targets_that_cannot_be(tmp_path):
+    """The source itself, a file that exists, no video's name, a folder, and a place that is no folder."""
+    source = make_video(tmp_path / "in.mp4")
+    (tmp_path / "there.mp4").write_bytes(b"precious")
+    (tmp_path / "folder.mp4").mkdir()
+    (tmp_path / "file").touch()
+    refused(source, "output would replace its own input", target="in.mp4")
+    refused(source, "output file exists", target="there.mp4")
+    refused(source, r"not a video to write \(got '.gif', expected one of .mp4", target="x.gif")
+    refused(source, "a folder", target="folder.mp4")
+    refused(source, "cannot be written|a file stands where", target="file/x.mp4")
+
+
+@pytest.mark.parametrize(
+    ("options", "match"),
+    [
+        ({"codec": "betamax"}, "--codec: not one that is written .* expected one of h264"),
+        ({"codec": "utvideo"}, "--codec: utvideo does not fit into mp4"),
+        ({"codec": "av1", "pixel_format": "yuv444p"}, "--codec: av1 cannot hold yuv444p .it holds yuv420p, yuv420p10le"),
+        ({"codec": "mjpeg", "lossless": True}, "--codec: mjpeg cannot be lossless"),
+        ({"quality": 60}, "--crf: out of h264's range .got 60, expected 0 to 51"),
+        ({"quality": 99}, "--crf: out of range .got 99"),
+        ({"lossless": True, "quality": 5}, "--crf: a lossless video has none"),
+        ({"pixel_format": "yuv9"}, "--pixel-format: there is none of that name .got 'yuv9'"),
+        ({"pixel_format": "gbrpf32le"}, "pixel format gbrpf32le: not worked on"),
+        ({"preset": "warp"}, "libx264 refuses"),
+        ({"new": Camera((63, 48), INNER.K)}, "a size that yuv420p cannot have .got 63x48"),
+    ],
+)
+def test_options_that_do_not_go_together(tmp_path, options, match):
+    """Each is refused with what would do."""
+    refused(make_video(tmp_path / "in.mp4", frames=3), match, **options)
