@@ -12,7 +12,7 @@ from described_images import ENCODED, GREY, PICTURE
 
 from camcal.errors import InputError
 from camcal.formats.images import EXTENSIONS, find_images, read_gray, read_image, write_image
-from camcal.formats.imaging.pixels import quiet
+from camcal.formats.imaging.opencv_log import quiet
 
 
 @pytest.mark.parametrize("extension", sorted(EXTENSIONS))

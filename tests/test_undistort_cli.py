@@ -14,7 +14,9 @@ from types import SimpleNamespace
 
 import click
 import cv2
+import numpy as np
 import pytest
+import tifffile
 from every_command import COMMANDS
 from loaded_modules import loaded_by
 from messages import one_line
@@ -186,8 +188,45 @@ def test_a_dry_run_prints_the_plan(undistort):
     assert out.splitlines() == ["photos/c.png -> flat/c.png  64x48 png", "2 more are done already."]
 
 
+def test_a_dry_run_rejects_what_the_run_rejects(undistort):
+    """By what files tell before they are decoded, in the same words and with the same exit code; the others are listed."""
+    deep, photos = np.zeros((48, 64), np.uint16), Path("photos")
+    tifffile.imwrite("photos/cmyk.tif", np.zeros((48, 64, 4), np.uint8), photometric="separated")
+    tifffile.imwrite("photos/lab.tif", np.zeros((48, 64, 3), np.uint8), photometric="cielab")
+    tifffile.imwrite("photos/pages.tif", np.zeros((2, 48, 64), np.uint8), photometric="minisblack")
+    tifffile.imwrite("photos/half.tif", np.zeros((48, 64), np.float16))
+    tifffile.imwrite("photos/float.tif", np.zeros((48, 64), np.float32))
+    cv2.imwrite("photos/alpha.png", np.zeros((48, 64, 4), np.uint8))
+    cv2.imwrite("photos/deep.png", deep)
+    cv2.imwrite("photos/depth.pgm", deep)
+    cv2.imwrite("photos/turned.png", deep.T)
+    (photos / "empty.png").touch()
+    (photos / "text.png").write_text("text")
+    (photos / "torn.png").write_bytes((photos / "a.png").read_bytes()[:1000])
+    (photos / "lost.png").symlink_to("nowhere.png")
+    plans = [undistort("photos", "-o", "flat", "--format", "jpg", *option) for option in (("--dry-run",), ())]
+    assert plans[0][::2] == plans[1][::2]
+    assert plans[0][2].splitlines()[-1].startswith("camcal: undistort: 13 of 16 files passed over (first: alpha.png: pixels")
+    assert plans[0][1].splitlines() == [f"photos/{name}.png -> flat/{name}.jpg  64x48 jpg" for name in "abc"]
+    plan, real = [undistort("photos/half.tif", "-o", "one.tif", *option) for option in (("--dry-run",), ())]
+    assert plan == real
+    assert plan[0] == 2
+    assert not Path("one.tif").exists()
+
+
 def test_a_plan_with_odd_names_is_lines_of_text(undistort):
-    """What would move the cursor of a terminal is written as an escape; so it is in what is said in the end."""
+    """What would move the cursor of a terminal is written as an escape; so it is in what is said in the end.
+
+    A byte that is no text is written as that byte, wherever it is said.
+    """
+    odd = Path("photos/lat\udcff1.png")
+    Path("photos/a.png").rename(odd)
+    _, out, err = undistort(odd, "-o", "odd", "--dry-run")
+    assert (out, err) == ("photos/lat\\xff1.png -> odd/lat\\xff1.png  64x48 png\n", "")
+    odd.write_bytes(b"")
+    assert undistort("photos", "-o", "odd")[2].startswith("camcal: warning: lat\\xff1.png: passed over: empty file")
+    odd.unlink()
+    make_images(Path(), "photos/a.png")
     make_images(Path(), "photos/x\n\x1b[2Jy.png")
     _, out, _ = undistort("photos", "-o", "flat", "--dry-run")
     assert out.splitlines()[-1] == r"photos/x\n\x1b[2Jy.png -> flat/x\n\x1b[2Jy.png  64x48 png"
@@ -214,6 +253,13 @@ def test_a_plan_with_odd_names_is_lines_of_text(undistort):
         (("photos", "-o", "o", "--fov", "60", "--alpha", "1"), "--fov and --alpha: both"),
         (("photos", "-o", "o", "--frames", "0:2"), "--frames: only for videos"),
         (("photos", "-o", "o.png"), "o.png: a file for 3 inputs"),
+        (("photos/a.png", "-o", "o.jpgg"), "o.jpgg: not a format to write (got '.jpgg'). Did you mean 'jpg'? A folder of"),
+        (("photos/a.png", "-o", "o.pgn"), "Did you mean 'png'?"),
+        (("photos/clip.mkv", "-o", "o.mp5"), "o.mp5: not a format to write (got '.mp5'). Did you mean 'mp4'?"),
+        (("p.csv", "-o", "o.cvs"), "o.cvs: not a format to write (got '.cvs'). Did you mean 'csv'?"),
+        (("p.csv", "-o", "o.png"), "o.png: no file of points (got '.png', expected .csv). Name a file such as o.csv, or"),
+        (("p.csv", "-o", "o.heic"), "o.heic: no file of points"),
+        (("photos/clip.mkv", "-o", "o", "--fill", "1"), "--fill: only for images (got photos/clip.mkv). Leave it away."),
         (("photos", "-o", "photos", "--force"), "output would replace its own input"),
         (("photos", "-o", "camera.yaml"), "camera.yaml: a file stands where the output folder should be"),
         (("gone", "-o", "o"), "gone: no such file"),
@@ -223,10 +269,32 @@ def test_a_plan_with_odd_names_is_lines_of_text(undistort):
 )
 def test_failures_are_one_line(undistort, arguments, told):
     """Exit code 2 and one line that names the cause; nothing is written."""
+    if "photos/clip.mkv" in arguments:
+        make_video(Path("photos/clip.mkv"), codec="ffv1", frames=1)
+    Path("p.csv").write_text("x,y\n1,2\n")
+    before = tree(Path())
     code, out, err = undistort(*arguments)
     assert (code, out) == (2, "")
     assert told in one_line(err).splitlines()[-1]
-    assert not Path("o").exists()
+    assert tree(Path()) == before
+
+
+def test_folders_with_a_dot_in_their_names(undistort):
+    """A name that is near no format, or ends with a slash, or is a folder already, or takes several files, is a folder's."""
+    Path("old.jpgg").mkdir()
+    for output in ("flat.tmp", "v1.2", "new.jpgg/", "old.jpgg"):
+        assert undistort("photos/a.png", "-o", output)[0] == 0
+        assert Path(output, "a.png").is_file()
+    assert undistort("photos/a.png", "photos/b.png", "-o", "both.pngg")[0] == 0
+
+
+def test_a_size_of_its_own_among_others(undistort):
+    """What --rescale cannot take with the rest is told to go by itself, also where it is the camera's own size."""
+    make_images(Path(), "photos/0.png", size=(32, 24))
+    code, _, err = undistort("photos", "-o", "flat", "--rescale")
+    assert code == 2
+    advice = "Undistort images of each size by themselves: with a camera calibrated at that size, or with --rescale."
+    assert f"a.png, b.png, c.png: passed over: not the camera's image size (got 64x48, expected 32x24). {advice}" in err
 
 
 def test_a_camera_file_of_none(undistort):

@@ -84,10 +84,10 @@ def test_missing_and_unreadable_files(tmp_path: Path, monkeypatch: pytest.Monkey
     with pytest.raises(InputError, match=r"nowhere.a.jpg: cannot be written \(no such file or directory\)"):
         undistort_image_file(tmp_path / "b.jpg", tmp_path / "nowhere/a.jpg", MAP)
 
-    def refused(self: Path) -> bytes:
+    def refused(self: Path, *_: object) -> None:
         raise PermissionError(errno.EACCES, "Permission denied", str(self))
 
-    monkeypatch.setattr(Path, "read_bytes", refused)
+    monkeypatch.setattr(Path, "open", refused)
     with pytest.raises(InputError, match=r"b.jpg: cannot be read \(permission denied\)"):
         undistort_image_file(tmp_path / "b.jpg", tmp_path / "a.jpg", MAP)
 

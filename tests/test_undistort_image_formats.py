@@ -84,6 +84,26 @@ def test_what_must_be_converted_is_said(tmp_path: Path, name: str, content: byte
 
 
 @pytest.mark.parametrize(
+    ("image", "target"), [(GREY, "a.webp"), (GREY, "a.ppm"), (DEEP[..., 0], "a.ppm")], ids=["webp", "ppm", "deep"]
+)
+def test_grey_becomes_colour_where_there_is_no_grey(tmp_path: Path, image: np.ndarray, target: str) -> None:
+    """The three colours are what grey becomes in a PNG; that it is said, as it is of grey with alpha."""
+    content = cv2.imencode(".png", image)[1].tobytes()
+    plain, _ = undistorted(tmp_path, content, "a.png")
+    path, warnings = undistorted(tmp_path, content, "a.png", target)
+    np.testing.assert_array_equal(as_stored(path), np.dstack([as_stored(plain)] * 3))
+    suffix = target.removeprefix("a")
+    assert warnings[0] == f"grey: written as colour, the same value in each, because {suffix} has no grey"
+
+
+def test_a_grey_jpeg_becomes_a_webp(tmp_path: Path) -> None:
+    """Which has three channels of one value, but for what its coding of colours rounds."""
+    path, warnings = undistorted(tmp_path, jpeg(GREY), "a.jpg", "a.webp")
+    assert np.ptp(as_stored(path).astype(int), axis=2).max() <= 1
+    assert "grey: written as colour" in warnings[0]
+
+
+@pytest.mark.parametrize(
     ("name", "content", "message"),
     [
         ("a.jpg", encoded(RGB.convert("CMYK"), "JPEG"), "CMYK"),
@@ -115,7 +135,7 @@ def test_what_would_be_lost_is_refused(tmp_path: Path, name: str, content: bytes
         (DEEP, "a.webp", r"a.webp: .*Write .png or .tiff instead"),
         (FLOATS, "a.png", r"a.png: .*got float32 with 3, .*Write .tiff instead"),
         (np.dstack([COLOUR, ALPHA]), "a.jpg", r"a.jpg: .*got uint8 with 4, .*Write .png or .tiff instead"),
-        (COLOUR, "a.pgm", r"a.pgm: .*Write .png or .tiff instead"),
+        (COLOUR, "a.pgm", r"a.pgm: .*got uint8 with 3, expected uint8 or uint16 with 1 channel\). Write .png or .tiff instead"),
         (COLOUR, "a.gif", r"a.gif: not a format to write \(got '.gif', expected one of .jpg"),
         (COLOUR, "a", r"a: not a format to write"),
     ],

@@ -63,7 +63,7 @@ def test_patterns_and_lists(camera_file, tmp_path):
     listed = [tmp_path / "img_1.png", tmp_path / "gone.png", tmp_path / "img_3.txt"]
     done = camcal.undistort([], camera_file, tmp_path / "b", listed=listed)
     assert done.images == ("img_1.png",)
-    assert [(one.source, one.reason) for one in done.rejected] == [("gone.png", "no such file. Check the path.")]
+    assert [(one.source, one.reason) for one in done.rejected] == [(str(listed[1]), "no such file. Check the path.")]
 
 
 def test_other_files_are_one_warning(camera_file, tmp_path, caplog):

@@ -12,11 +12,14 @@ from pathlib import Path
 
 import cv2
 import pytest
-from undistort_files import make_images, picture, stamps, tree
+from undistort_files import CAMERA, make_images, picture, stamps, tree
 
 import camcal
 from camcal.errors import InputError
+from camcal.formats.camera_file import save_intrinsics
 from camcal.formats.ledger_file import LEDGER_NAME
+from camcal.geometry.camera import Camera
+from camcal.records import Intrinsics
 from camcal.workflows.undistort import work as undistort_work
 
 
@@ -156,6 +159,74 @@ def test_a_camera_that_no_longer_belongs_is_withdrawn_first(camera_file, tmp_pat
     camcal.undistort(tmp_path / "a.png", camera_file, tmp_path / "o", force=True)
     camcal.undistort(tmp_path / "a.png", camera_file, tmp_path / "o", force=True, alpha=1)
     assert seen == [True, False]
+
+
+MAPS = ["maps.npz", "maps.tiff", "mask.png"]
+
+
+@pytest.mark.parametrize("go_on", [{"resume": True}, {"force": True}])
+def test_a_mask_and_maps_that_no_longer_belong_are_withdrawn(camera_file, tmp_path, caplog, go_on):
+    """They stay beside results of the same map, whatever else changes, and go with those of another, unless made anew."""
+    make_images(tmp_path, "a.png")
+    into = tmp_path / "o"
+    run = lambda **options: camcal.undistort(tmp_path / "a.png", camera_file, into, **options)  # noqa: E731
+    run(mask=True, maps=True)
+    before = [(into / name).read_bytes() for name in MAPS]
+    run(**go_on)
+    run(**go_on, quality=90)
+    assert [(into / name).read_bytes() for name in MAPS] == before
+    run(**go_on, alpha=1, mask=True)
+    assert tree(into) == ["a.png", "camera.yaml", "mask.png", LEDGER_NAME]
+    assert (cv2.imread(str(into / "mask.png"), cv2.IMREAD_UNCHANGED) == 0).any()
+    run(**go_on, alpha=0.5)
+    assert tree(into) == ["a.png", "camera.yaml", LEDGER_NAME]
+    assert not caplog.records
+
+
+def test_maps_of_another_lens_with_the_same_camera_of_results(camera_file, tmp_path):
+    """The camera of the results stays, what depends on the lens goes."""
+    make_images(tmp_path, "a.png")
+    save_intrinsics(tmp_path / "target.yaml", Intrinsics(Camera(CAMERA.size, CAMERA.K)))
+    save_intrinsics(tmp_path / "other.yaml", Intrinsics(Camera(CAMERA.size, CAMERA.K, [-0.1])))
+    target = tmp_path / "target.yaml"
+    camcal.undistort(tmp_path / "a.png", camera_file, tmp_path / "o", target=target, maps=True)
+    camcal.undistort(tmp_path / "a.png", tmp_path / "other.yaml", tmp_path / "o", target=target, resume=True)
+    assert tree(tmp_path / "o") == ["a.png", "camera.yaml", LEDGER_NAME]
+
+
+def test_a_mask_that_no_run_wrote_is_left_alone(camera_file, tmp_path, caplog):
+    """It is named: the user's own, one that was changed since, and one beside a single result, where no ledger proves it."""
+    photos = make_images(tmp_path / "photos", "a.png", "mask.png")
+    make_images(tmp_path, "o/mask.png")
+    own, into = (tmp_path / "o/mask.png").read_bytes(), tmp_path / "o"
+    says = f"{into}: mask.png may be of another camera. Remove it, or write a new one."
+    with caplog.at_level(logging.WARNING, logger="camcal"):
+        camcal.undistort(photos / "a.png", camera_file, into, force=True)
+        assert (into / "mask.png").read_bytes() == own
+        assert [record.message for record in caplog.records] == [says]
+        caplog.clear()
+        camcal.undistort(photos / "a.png", camera_file, into, resume=True, mask=True, maps=True)
+        (into / "mask.png").write_bytes(own)
+        camcal.undistort(photos / "a.png", camera_file, into, resume=True, alpha=1)
+        assert (into / "mask.png").read_bytes() == own
+        assert [record.message for record in caplog.records] == [says]
+        caplog.clear()
+        single = tmp_path / "single.png"
+        camcal.undistort(photos / "a.png", camera_file, single, mask=True, maps=True)
+        camcal.undistort(photos / "a.png", camera_file, single, force=True)
+        assert not caplog.records
+        camcal.undistort(photos / "a.png", camera_file, single, force=True, alpha=1)
+        assert (tmp_path / "single.mask.png").exists()
+        names = "single.mask.png and single.maps.npz and single.maps.tiff"
+        assert [record.message for record in caplog.records] == [
+            f"{tmp_path}: {names} may be of another camera. Remove them, or write new ones."
+        ]
+        caplog.clear()
+        # A result of that name is none.
+        camcal.undistort(photos, camera_file, tmp_path / "p")
+        camcal.undistort(photos, camera_file, tmp_path / "p", resume=True, alpha=1)
+        assert tree(tmp_path / "p") == ["a.png", "camera.yaml", "mask.png", LEDGER_NAME]
+        assert not caplog.records
 
 
 def test_a_dry_run_writes_nothing(camera_file, tmp_path):

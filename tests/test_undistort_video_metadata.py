@@ -109,6 +109,16 @@ def test_what_a_container_does_not_take_is_named(tmp_path):
     assert [text for text in broadcast.warnings if "rotation of 90 degrees" in text]
 
 
+@pytest.mark.parametrize("suffix", [".mp4", ".webm"])
+def test_sound_of_an_unknown_codec_is_left_out_by_name(tmp_path, suffix):
+    """There is neither decoder nor name for it: the pictures are worked on all the same."""
+    source = make_video(tmp_path / "in.mp4", audio="aac")
+    source.write_bytes(source.read_bytes().replace(b"mp4a", b"zzzz").replace(b"esds", b"zzzz"))
+    result = undistort(source, suffix, codec=None if suffix == ".mp4" else "vp9")
+    assert result.frames == 10
+    assert [text for text in result.warnings if "stream 1 (audio, " in text and "is left out" in text]
+
+
 def test_data_streams_are_kept(tmp_path):
     """Telemetry in a transport stream goes into another one; MP4 does not take it, which is said."""
     source = tmp_path / "in.ts"
@@ -144,6 +154,20 @@ def test_chapters_are_kept(tmp_path):
     [chapter] = read_video(part.path).chapters
     assert chapter["metadata"]["title"] == "two"
     assert (chapter["start"] * chapter["time_base"], chapter["end"] * chapter["time_base"]) == (0, Fraction(3, 10))
+
+
+def test_chapters_end_with_the_part_whatever_rate_is_claimed(tmp_path):
+    """A file of 25 frames per second says that it has 30,000: ten of them still last 0.4 seconds."""
+    source = tmp_path / "in.mkv"
+    chapters = [{"id": 1, "start": 0, "end": 1000, "time_base": Fraction(1, 1000), "metadata": {"title": "one"}}]
+    times = [40 * index for index in range(25)]
+    make_video(source, frames=25, times=times, time_base=Fraction(1, 1000), chapters=chapters, framerate=Fraction(30_000))
+    with av.open(str(source)) as container:
+        assert container.streams.video[0].average_rate == 30_000
+    part = undistort_video(source, tmp_path / "part.mkv", MAP, options=VideoOptions(frames=FrameRange.parse("5:15")))
+    [chapter] = read_video(part.path).chapters
+    assert chapter["end"] * chapter["time_base"] == Fraction(4, 10)
+    assert probe_video(source).frames in (24, 25)
 
 
 def test_a_video_says_what_it_is(tmp_path):

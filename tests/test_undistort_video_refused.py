@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import av
 import pytest
+from messages import one_line
 from undistorted_videos import CAMERA, INNER, refused, undistort
 from videos import RATE, SIZE, make_sound, make_video
 
+from camcal.errors import InputError
 from camcal.geometry.camera import Camera
+from camcal.workflows.undistort.probe import size_of_source
 
 
 def test_what_is_no_video_is_named_as_what_it_is(tmp_path):
@@ -44,8 +47,32 @@ def test_interlaced_video_is_refused_unless_it_is_only_marked_so(tmp_path):
     """Two moments in one frame cannot be moved together; what a person declares to be whole is."""
     options = {"flags": "+ildct+ilme", "x264-params": "tff=1"}
     source = make_video(tmp_path / "in.mp4", options=options)
-    refused(source, "interlaced")
+    refused(source, "interlaced .*add --progressive if it is only marked so")
     assert undistort(source, as_progressive=True).frames == 10
+
+
+def test_whether_it_is_interlaced_can_be_asked_before(tmp_path):
+    """The size is known of any video; one that must be progressive is refused then already."""
+    source = make_video(tmp_path / "in.mp4", options={"flags": "+ildct+ilme", "x264-params": "tff=1"})
+    assert size_of_source(source, 1) == SIZE
+    with pytest.raises(InputError, match="interlaced"):
+        size_of_source(source, 1, as_progressive=False)
+
+
+@pytest.mark.parametrize("is_named", [True, False])
+def test_progressive_counts_on_the_command_line(tmp_path, run, camera_file, is_named):
+    """A video named behind another, and one alone in a folder: refused by name without the option, done with it."""
+    (tmp_path / "in").mkdir()
+    source = make_video(tmp_path / "in/v.mp4", options={"flags": "+ildct+ilme", "x264-params": "tff=1"})
+    inputs = [make_video(tmp_path / "a.mp4", frames=2), source] if is_named else [source.parent]
+    given = ("undistort", *inputs, "--camera", camera_file, "-o", tmp_path / "out")
+    code, _, err = run(*given)
+    assert code == 2
+    assert "v.mp4: interlaced" in one_line(err)
+    assert "--progressive" in err
+    assert not (tmp_path / "out").exists()
+    assert run(*given, "--progressive")[0] == 0
+    assert (tmp_path / "out/v.mp4").is_file()
 
 
 def test_frames_that_change_size_are_refused(tmp_path):
@@ -77,14 +104,24 @@ def test_targets_that_cannot_be(tmp_path):
         ({"codec": "av1", "pixel_format": "yuv444p"}, "--codec: av1 cannot hold yuv444p .it holds yuv420p, yuv420p10le"),
         ({"codec": "mjpeg", "lossless": True}, "--codec: mjpeg cannot be lossless"),
         ({"quality": 60}, "--crf: out of h264's range .got 60, expected 0 to 51"),
-        ({"quality": 99}, "--crf: out of range .got 99"),
+        ({"quality": 99}, "--crf: out of range .got 99, expected at most 51 for h264, 51 for hevc, 63 for av1"),
         ({"lossless": True, "quality": 5}, "--crf: a lossless video has none"),
         ({"pixel_format": "yuv9"}, "--pixel-format: there is none of that name .got 'yuv9'"),
         ({"pixel_format": "gbrpf32le"}, "pixel format gbrpf32le: not worked on"),
-        ({"preset": "warp"}, "libx264 refuses"),
+        ({"preset": "slowest"}, "--preset: not one of h264's .got 'slowest', expected one of ultrafast, .*slow"),
+        ({"codec": "av1", "preset": "99"}, "libsvtav1 refuses"),
         ({"new": Camera((63, 48), INNER.K)}, "a size that yuv420p cannot have .got 63x48"),
     ],
 )
-def test_options_that_do_not_go_together(tmp_path, options, match):
-    """Each is refused with what would do."""
-    refused(make_video(tmp_path / "in.mp4", frames=3), match, **options)
+def test_options_that_do_not_go_together(tmp_path, capfd, options, match):
+    """Each is refused with what would do, and no encoder says anything by itself."""
+    source = make_video(tmp_path / "in.mp4", frames=3)
+    capfd.readouterr()
+    refused(source, match, **options)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_matroska_is_not_advised_instead_of_itself(tmp_path):
+    """A codec that does not fit into it needs no other container, but to be another codec."""
+    text = refused(make_video(tmp_path / "in.mkv", frames=3), "--codec: utvideo does not fit", "x.mkv", codec="utvideo")
+    assert ".mkv, or" not in text

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -64,6 +66,22 @@ def test_an_interruption_leaves_nothing_and_replaces_nothing(tmp_path, after):
         undistort_video(source, target, MAP, force=True, advance=advance)
     assert target.read_bytes() == b"precious"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in.mp4", "out.mp4"]
+
+
+LOGGING = """
+import sys
+import av
+from camcal.formats.video.reader import probe_video
+av.logging.set_level(av.logging.ERROR)
+for _ in range(20):
+    probe_video(sys.argv[1])
+"""
+
+
+def test_a_decoder_that_logs_does_not_wait_for_who_drops_it(tmp_path):
+    """Twenty videos opened and closed in the middle, while libav logs by way of Python: no thread waits for another."""
+    source = make_video(tmp_path / "in.mp4", frames=60)
+    subprocess.run([sys.executable, "-c", LOGGING, source], check=True, timeout=60)
 
 
 def test_libav_is_imported_only_for_videos():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import shutil
 import threading
 
@@ -73,3 +74,16 @@ def test_threads_change_nothing(camera_file, tmp_path):
         camcal.undistort(photos, camera_file, tmp_path / str(jobs), jobs=jobs)
     for name in set(tree(tmp_path / "1")) - {LEDGER_NAME}:
         assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "4" / name).read_bytes()
+
+
+def test_results_of_calibrate_are_known_as_such(dataset, tmp_path, caplog):
+    """Those of an earlier calibration that stay beside the new ones are counted, and none is undistorted again."""
+    images = sorted((dataset / "images").iterdir())
+    assert len(images) == 8
+    calib = tmp_path / "calib"
+    camcal.calibrate(images, "checkerboard:7x6:20mm", calib, undistort=True, report=False)
+    with caplog.at_level(logging.WARNING, logger="camcal"):
+        camcal.calibrate(images[:6], "checkerboard:7x6:20mm", calib, undistort=True, report=False, force=True)
+    assert f"undistorted: also holds 2 files of another camera or other options (first: {images[6].name})" in caplog.text
+    with pytest.raises(InputError, match=r"calib: no images or videos in this folder"):
+        camcal.undistort(calib, calib, tmp_path / "again", recursive=True)

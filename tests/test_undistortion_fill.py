@@ -29,6 +29,18 @@ def test_fill_per_channel(shape, samples):
             undistort_image(np.zeros((50, 70, *shape), np.uint8), undistort, fill=wrong)
 
 
+def test_a_colour_without_an_alpha_fills_with_nothing():
+    """Three values for a picture of colours and an alpha: the alpha is 0 where nothing is seen; other channels need four."""
+    camera = Camera((70, 50), [[60, 0, 34.5], [0, 60, 24.5], [0, 0, 1]])
+    undistort = undistort_map(camera, Camera((70, 50), [[60, 0, 5], [0, 60, 24.5], [0, 0, 1]]))
+    image = np.full((50, 70, 4), 200, np.uint8)
+    result = undistort_image(image, undistort, fill=(1, 2, 3))
+    assert (result[:, 41:] == (1, 2, 3, 0)).all()
+    assert (result[:, :40] == 200).all()
+    with pytest.raises(InputError, match="got 3 numbers, expected one whole number from 0 to 255, or 4 of them"):
+        undistort_image(image, undistort, fill=(1, 2, 3), alpha=False)
+
+
 def test_fill_of_floats_may_be_nan():
     """NaN marks pixels that see nothing, and no valid pixel takes it in; NaN of the source stays near where it was."""
     camera = camera_of("barrel")

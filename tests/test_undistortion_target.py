@@ -9,6 +9,7 @@ from undistortion_scenes import FOLDED, LENSES, camera_of, lies_within, pixel_gr
 
 from camcal.errors import InputError
 from camcal.geometry.camera import Camera
+from camcal.undistortion.maps import undistort_map
 from camcal.undistortion.target import target_camera
 
 # A frame that touches the rim is told from one that crosses it up to this; rounding in float64 is a thousand times less.
@@ -30,6 +31,14 @@ def rim_is_valid(camera: Camera, target: Camera) -> bool:
     pixels = pixel_grid(target.size)
     rim = np.concatenate([pixels[0], pixels[-1], pixels[:, 0], pixels[:, -1]])
     return bool(lies_within(camera.project(target.unproject(rim)), camera.size, ROUNDING_PX).all())
+
+
+def whole_pixels_are_valid(camera: Camera, target: Camera) -> np.ndarray:
+    """Whether (height, width) all samples of each pixel of the target look between the source's outermost pixel centres."""
+    (width, height), n = target.size, undistort_map(camera, target).samples
+    samples = target.unproject((pixel_grid((n * width, n * height)) + 0.5) / n - 0.5)
+    valid = lies_within(camera.project(samples), camera.size, ROUNDING_PX)
+    return valid.reshape(height, n, width, n).all(axis=(1, 3))
 
 
 @pytest.mark.parametrize("lens", LENSES)
@@ -135,14 +144,15 @@ def test_small_results_see_the_source_with_their_whole_pixels():
     assert lies_within(camera.project(target.unproject(edges)), camera.size, 0.01).all()
 
 
+@pytest.mark.parametrize(("alpha", "scale"), [(1, 1), (0.5, 0.5), (0.5, 0.25), (1, 0.25)])
 @pytest.mark.parametrize("lens", LENSES)
-def test_crop_is_valid_and_cannot_grow(lens):
-    """Every pixel of the crop is valid, a row or column more is not, and its pixels are the target's."""
+def test_crop_is_valid_and_cannot_grow(lens, alpha, scale):
+    """Every pixel of the crop sees with all its samples, a row or column more does not, and its pixels are the target's."""
     camera = camera_of(lens)
-    target, crop = target_camera(camera, 1.0), target_camera(camera, 1.0, crop="valid")
+    target, crop = (target_camera(camera, alpha, scale=scale, crop=crop) for crop in ("none", "valid"))
     left, top = (target.K - crop.K)[:2, 2].round().astype(int)
     np.testing.assert_allclose(target.K - crop.K, [[0, 0, left], [0, 0, top], [0, 0, 0]], atol=1e-9)
-    valid = lies_within(seen_by(camera, target), camera.size, ROUNDING_PX)
+    valid = whole_pixels_are_valid(camera, target)
     right, bottom = left + crop.size[0], top + crop.size[1]
     assert valid[top:bottom, left:right].all()
     grown = [

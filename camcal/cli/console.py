@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 PROGRAM = "camcal:"
 _UNBOUNDED = 10_000
+_FIRST_ESCAPED_BYTE = 0xDC00
 _BETWEEN = 3
 """Columns between two of a table."""
 
@@ -106,9 +107,20 @@ def complain(text: str, announced: str = "") -> None:
         silence(sys.stderr)
 
 
+def on_one_line(text: str) -> str:
+    """Write what would move a terminal's cursor, or do worse, as escapes, and bytes of a file's name that are no text too."""
+    return "".join(character if character.isprintable() else _escaped(character) for character in text)
+
+
+def _escaped(character: str) -> str:
+    """Write a character as Python would; one that stands for a byte (PEP 383) as that byte."""
+    byte = ord(character) - _FIRST_ESCAPED_BYTE
+    return f"\\x{byte:02x}" if 0x80 <= byte <= 0xFF else repr(character)[1:-1]
+
+
 def _line(announced: str, text: str) -> str:
     """Put a text on one line; on a terminal it goes on below, under its beginning, instead of being broken within a word."""
-    line = "".join(character if character.isprintable() else repr(character)[1:-1] for character in text)
+    line = on_one_line(text)
     if style.is_terminal(sys.stderr):
         plain = click.unstyle(announced) + " "
         line = wrapped(line, plain, "  ", terminal_columns(sys.stderr))[len(plain) :]

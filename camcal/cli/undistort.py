@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from camcal.cli import options
-from camcal.cli.console import ConsoleReporter, say, say_wrapped
+from camcal.cli.console import ConsoleReporter, on_one_line, say, say_wrapped
 from camcal.cli.image_size import read_size
 from camcal.errors import InputError
 
@@ -101,7 +101,12 @@ _main, _geometry, _pixels, _videos, _run = map(_in, (_MAIN, _GEOMETRY, _PIXELS, 
 )
 @_pixels("--exact", is_flag=True, help="Compute each position by the lens model, instead of to 0.0002 px.")
 @_pixels("--gamma", metavar="srgb|G", help="Average light instead of pixel values.")
-@_pixels("--fill", metavar="VALUE|R,G,B", callback=_fill, help="Value of pixels that see nothing.  [default: 0]")
+@_pixels(
+    "--fill",
+    metavar="VALUE|R,G,B[,A]",
+    callback=_fill,
+    help="Value of pixels that see nothing; without A, an alpha is 0.  [default: 0]",
+)
 @_pixels("--format", "file_format", metavar="EXT", help="Write png, jpg, tif, webp, mp4 ...  [default: as the source]")
 @_pixels("--quality", type=click.IntRange(1, 100), help="Of JPEG and WebP.  [default: 95, or the source's if higher]")
 @_pixels("--most-pixels", type=click.IntRange(min=1), metavar="N", help="Refuse larger images.  [default: 400 million]")
@@ -115,7 +120,7 @@ _main, _geometry, _pixels, _videos, _run = map(_in, (_MAIN, _GEOMETRY, _PIXELS, 
 @_videos("--frames", metavar="A:B", help="Only these, numbered from 0; B is left out.")
 @_videos("--progressive", is_flag=True, help="Take frames that are marked as interlaced as whole ones.")
 @_run("--resume", is_flag=True, help="Pass over what an earlier run finished with the same camera and options.")
-@_run("--dry-run", is_flag=True, help="Print what would be done, and write nothing.")
+@_run("--dry-run", is_flag=True, help="Print what would be done, and write nothing; nothing is decoded.")
 @_run("--force", is_flag=True, help="Write into an output folder (or over a file) that exists.")
 @_run("-j", "--jobs", type=click.IntRange(min=1), help="Images worked on at once.  [default: all processors]")
 @_run("--scheduler", metavar="ADDRESS", help="Let a Dask cluster work; paths must be the same on all its machines.")
@@ -142,7 +147,7 @@ def undistort(*, inputs: tuple[str, ...], **chosen: Any) -> None:
     else:
         for output in done.outputs:
             reporter.detail(f"{output.source}: written to {output.target}")
-        say_wrapped(_on_one_line(_summary(done, "distorted" if chosen["distort"] else "undistorted")))
+        say_wrapped(on_one_line(_summary(done, "distorted" if chosen["distort"] else "undistorted")))
     if done.rejected:
         first, count = done.rejected[0], len(done.rejected)
         others = f"{count} of {count + len(done.outputs) + len(done.already_done)} files"
@@ -185,14 +190,9 @@ def _say_plan(done: Undistortion) -> None:
     """Print what would be done."""
     width, height = done.target.size
     for output in done.outputs:
-        say(_on_one_line(f"{output.source} -> {output.target}  {width}x{height} {output.format}"))
+        say(on_one_line(f"{output.source} -> {output.target}  {width}x{height} {output.format}"))
     if done.already_done:
         say(f"{len(done.already_done)} more {'is' if len(done.already_done) == 1 else 'are'} done already.")
-
-
-def _on_one_line(text: str) -> str:
-    """Write what would move a terminal's cursor, or do worse, as escapes: a file may have any name."""
-    return "".join(character if character.isprintable() else repr(character)[1:-1] for character in text)
 
 
 def _summary(done: Undistortion, how: str) -> str:

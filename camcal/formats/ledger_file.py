@@ -1,7 +1,8 @@
 """The ledger of a folder of undistorted files: one line for each that is finished, so that a later run can go on from there.
 
 A line is appended once a result has its name. A run that was killed leaves at most a result without a line, which is made
-again, or a torn line, which counts as none.
+again, or a torn line, which counts as none. What is written beside the results and made from no file, such as a mask, has a
+line without an input.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ LEDGER_NAME = "undistorted.csv"
 
 _Entry: TypeAlias = tuple[str, "Stamp", "Stamp", str]
 """What a result was made from, that file as it was, the result as it is, and the settings."""
+
+_NO_SOURCE = ""
 
 _LONGEST_LINE = 20_000
 _HEADER = ("input", "input_size", "input_mtime_ns", "output", "output_size", "output_mtime_ns", "settings")
@@ -130,10 +133,22 @@ class Ledger:
         InputError
             If the ledger cannot be written.
         """
-        written = Stamp.of(self._folder / name)
-        if written is not None:
-            cells = (os.path.abspath(source), read.size, read.mtime_ns, name, written.size, written.mtime_ns, settings)  # noqa: PTH100
-            self._append(cells)
+        self._add(os.path.abspath(source), name, read, settings)  # noqa: PTH100
+
+    def add_companion(self, name: str, settings: str) -> None:
+        """Note that a file beside the results, which is made from none, is written with some settings.
+
+        Raises
+        ------
+        InputError
+            If the ledger cannot be written.
+        """
+        self._add(_NO_SOURCE, name, Stamp(0, 0), settings)
+
+    def companion_settings(self, name: str) -> str | None:
+        """Return the settings that a file beside the results was written with; None if it is not there untouched."""
+        source, _, written, settings = self._entries.get(name, (None, None, None, None))
+        return settings if source == _NO_SOURCE and written == Stamp.of(self._folder / name) else None
 
     def withdraw(self) -> bool:
         """Remove the ledger if nothing was ever noted in it; tell whether that was so."""
@@ -152,9 +167,17 @@ class Ledger:
         """Names of results that are still there, were made with other settings, and are not among those given."""
         return sorted(
             name
-            for name, (_, _, written, made_with) in self._entries.items()
-            if name not in names and made_with not in settings and written == Stamp.of(self._folder / name)
+            for name, (source, _, written, made_with) in self._entries.items()
+            if source != _NO_SOURCE
+            and name not in names
+            and made_with not in settings
+            and written == Stamp.of(self._folder / name)
         )
+
+    def _add(self, source: str, name: str, read: Stamp, settings: str) -> None:
+        written = Stamp.of(self._folder / name)
+        if written is not None:
+            self._append((source, read.size, read.mtime_ns, name, written.size, written.mtime_ns, settings))
 
     def _append(self, cells: tuple[object, ...]) -> None:
         with self._lock:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from camcal.formats.imaging.blocks import Metadata
 from camcal.formats.imaging.header import image_size
-from camcal.formats.imaging.kinds import kind_of
+from camcal.formats.imaging.kinds import damage_refused, kind_of
 
 # What metadata look like in files of other formats, which are not taken apart here.
 _SIGNS = (b"Exif", b"x:xmpmeta", b"ICC_PROFILE", b"acsp", b"XMP Data")
@@ -16,7 +16,7 @@ _TURNS = (b"\0\0\0\x09irot", b"\0\0\0\x09imir")
 _HEAD_BYTES = 1 << 16
 
 
-def carry_metadata(source: bytes, encoded: bytes, note: str) -> tuple[bytes, tuple[str, ...]]:
+def carry_metadata(source: bytes, encoded: bytes, note: str, path: object = "image") -> tuple[bytes, tuple[str, ...]]:
     """Give an encoded image the metadata of its source, and a note of what was done to it.
 
     The note is a comment in JPEG and PNG, and a line of EXIF's image history (a tag of TIFF/EP) in TIFF; in WebP too if there
@@ -30,13 +30,26 @@ def carry_metadata(source: bytes, encoded: bytes, note: str) -> tuple[bytes, tup
         A whole image file without metadata.
     note : str
         One line.
+    path : object
+        What to call the source.
 
     Returns
     -------
     encoded : bytes
     warnings : tuple of str
         What was not carried over, one clause each.
+
+    Raises
+    ------
+    InputError
+        If the source is damaged.
     """
+    with damage_refused(path):
+        return _carried(source, encoded, note)
+
+
+def _carried(source: bytes, encoded: bytes, note: str) -> tuple[bytes, tuple[str, ...]]:
+    """Do it, come what may of a damaged source."""
     old, new = kind_of(source), kind_of(encoded)
     if old and old is new:
         content, left_behind = old.with_metadata_of(source, encoded, note)

@@ -42,7 +42,7 @@ def undistort_image(
     interpolation : str
         "linear"; "cubic", a spline that keeps fine detail; "lanczos", which keeps the finest, for its price.
     fill : float or sequence of float
-        Value of pixels that see nothing, for all channels or for each.
+        Value of pixels that see nothing, for all channels or for each; for three of four, the fourth is an alpha and 0.
     gamma : str or float, optional
         Average light instead of pixel values: "srgb", or the exponent of a power law. Floats have full scale 1 then.
     alpha : bool
@@ -69,7 +69,7 @@ def undistort_image(
     if kernel is None:
         raise InputError(f"--interpolation: unknown (got {interpolation}, expected one of {', '.join(KERNELS)}).")
     nothing = np.empty((ROWS, COLUMNS, *image.shape[2:]), image.dtype)
-    nothing[...] = _fill_value(fill, image)
+    nothing[...] = _fill_value(fill, image, alpha=alpha)
     curve = None if gamma is None else parse_curve(gamma)
     forms = forms_for(image.dtype, count, curve, floats=kernel.needs_floats, alpha=alpha)
     pixels, target, nothing = (a[..., 0] if a.ndim == 3 and count == 1 else a for a in (image, result, nothing))
@@ -167,10 +167,12 @@ def _result(image: Image, undistort: UndistortMap, out: Image | None) -> Image:
     return out
 
 
-def _fill_value(fill: float | Sequence[float], image: Image) -> npt.NDArray[Any]:
-    """Return the fill as one pixel value."""
+def _fill_value(fill: float | Sequence[float], image: Image, *, alpha: bool) -> npt.NDArray[Any]:
+    """Return the fill as one pixel value; a colour without an alpha has an alpha that says that nothing is seen."""
     wanted = np.asarray(fill, dtype=np.float64)
     channels = image.shape[2:]
+    if alpha and (wanted.shape, channels) == ((3,), (4,)):
+        wanted = np.append(wanted, 0.0)
     with np.errstate(invalid="ignore", over="ignore"):
         value = wanted.astype(image.dtype)
     fits = wanted.ndim == 0 or wanted.shape == channels

@@ -44,7 +44,7 @@ def rescaled_camera(camera: Camera, size: tuple[int, int]) -> Camera:
 def advice_on_size(size: tuple[int, int], expected: tuple[int, int]) -> str:
     """Say what to do with an image of another (width, height) than its camera's."""
     if _same_aspect(size, expected):
-        return "Use a camera calibrated at this size, or undistort images of this size by themselves with --rescale."
+        return "Undistort images of each size by themselves: with a camera calibrated at that size, or with --rescale."
     if _same_aspect(size[::-1], expected):
         return "It is turned by 90°: turn it back, or use a camera calibrated this way round."
     return "Use the camera file that was calibrated at this size."

@@ -11,7 +11,7 @@ from camcal.formats.imaging.blocks import Metadata
 
 _HEADER, _SIZE, _BITS, _DOTS, _COLOURS = 14, 18, 28, 38, 46
 # The oldest header knows neither resolution nor profiles, and its palettes have three bytes per colour.
-_OLDEST_BYTES, _LATEST_BYTES = 12, 124
+_OLDEST_BYTES, _USUAL_BYTES, _LATEST_BYTES = 12, 40, 124
 _PROFILE_KIND, _PROFILE_PLACE, _EMBEDDED = 70, 126, b"DEBM"
 _LARGEST = 2**31 - 1
 
@@ -23,9 +23,10 @@ def size(content: bytes) -> tuple[int, int]:
     return abs(width), abs(height)
 
 
-def defect(_content: bytes) -> str | None:
-    """Nothing can be told without decoding."""
-    return None
+def defect(content: bytes) -> str | None:
+    """Tell whether the header is there; of the pixels nothing can be told without decoding."""
+    whole = len(content) >= _HEADER + 4 and len(content) >= _HEADER + _header_bytes(content)
+    return None if whole else f"truncated image (it ends after {len(content)} bytes)"
 
 
 def obstacle(_content: bytes) -> str | None:
@@ -51,7 +52,7 @@ def expansions(content: bytes) -> list[str]:
 def metadata(content: bytes) -> Metadata:
     """Collect what other formats can hold too."""
     header = _header_bytes(content)
-    dots = struct.unpack_from("<ii", content, _DOTS) if header > _OLDEST_BYTES else (0, 0)
+    dots = struct.unpack_from("<ii", content, _DOTS) if header >= _USUAL_BYTES else (0, 0)
     return Metadata(icc=_profile(content) if header >= _LATEST_BYTES else None, dots_per_metre=dots if min(dots) > 0 else None)
 
 

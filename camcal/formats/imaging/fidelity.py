@@ -10,8 +10,9 @@ from pathlib import Path
 import cv2
 
 from camcal.errors import InputError
-from camcal.formats.imaging.kinds import image_format, kind_of
-from camcal.formats.imaging.pixels import JPEG_EXTENSIONS, Coding, quiet
+from camcal.formats.imaging.kinds import damage_refused, image_format, kind_of
+from camcal.formats.imaging.opencv_log import quiet
+from camcal.formats.imaging.pixels import JPEG_EXTENSIONS, Coding
 
 GOOD_QUALITY = 95
 """Quality of lossy formats where neither the user nor the source asks for more."""
@@ -33,9 +34,10 @@ def refuse_loss(path: Path, content: bytes) -> None:
     Raises
     ------
     InputError
-        If so; names a way out.
+        If so, with a way out; or if what tells is damaged.
     """
-    obstacle = _obstacle(path, content)
+    with damage_refused(path):
+        obstacle = _obstacle(path, content)
     if obstacle:
         raise InputError(
             f"{path}: cannot be changed without loss ({obstacle}). "
@@ -56,6 +58,11 @@ def expansions(path: Path, content: bytes) -> list[str]:
     -------
     list of str
         One clause each.
+
+    Raises
+    ------
+    InputError
+        If what tells is damaged.
     """
     kind = image_format(content)
     found = []
@@ -64,7 +71,8 @@ def expansions(path: Path, content: bytes) -> list[str]:
         found.append(f"in truth a {kind} file, not {named} as its name says")
     module = kind_of(content)
     if module:
-        found += module.expansions(content)
+        with damage_refused(path):
+            found += module.expansions(content)
     elif kind == "gif":
         found.append("palette image: written with full colours, because colours in between are not in the palette")
     elif kind == "netpbm":

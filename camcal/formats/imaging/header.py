@@ -6,7 +6,7 @@ import re
 import struct
 
 from camcal.errors import InputError
-from camcal.formats.imaging.kinds import image_format, kind_of
+from camcal.formats.imaging.kinds import SURPRISES, image_format, kind_of
 
 __all__ = ["MOST_PIXELS", "image_defect", "image_format", "image_size", "refuse_bomb"]
 
@@ -31,7 +31,7 @@ def image_size(content: bytes) -> tuple[int, int] | None:
     """Read (width, height) in pixels from a file's header; None where it is not to be found."""
     try:
         size = _size(content)
-    except (IndexError, ValueError, struct.error):
+    except SURPRISES:
         return None
     return size if size and min(size) > 0 else None
 
@@ -54,7 +54,7 @@ def refuse_bomb(path: object, content: bytes, most_pixels: int) -> None:
 
 
 def _size(content: bytes) -> tuple[int, int] | None:
-    """Read the size from a header; ValueError, IndexError or struct.error if it is cut off or odd."""
+    """Read the size from a header; one of `SURPRISES` if it is cut off or odd."""
     kind, name = kind_of(content), image_format(content)
     if kind:
         return kind.size(content)

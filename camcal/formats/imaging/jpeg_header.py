@@ -145,7 +145,7 @@ def jpeg_header(content: bytes) -> JpegHeader | None:
 
 def colour_of(segments: Sequence[Segment]) -> str:
     """Tell what the components are."""
-    frame = next((segment.body for segment in segments if segment.marker in FRAMES), b"\0" * 6)
+    frame = next((segment.body for segment in segments if segment.marker in FRAMES), b"").ljust(6, b"\0")
     return _colour(segments, frame[6 : 6 + 3 * frame[5] : 3])
 
 

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Protocol, cast
+
+from camcal.errors import InputError
 
 if TYPE_CHECKING:
     from camcal.formats.imaging.blocks import Metadata
@@ -14,7 +19,7 @@ if TYPE_CHECKING:
 
         @staticmethod
         def size(content: bytes) -> tuple[int, int] | None:
-            """Read (width, height) in pixels; None, ValueError, IndexError or struct.error if the header is cut off."""
+            """Read (width, height) in pixels; None or one of `SURPRISES` if the header is cut off."""
 
         @staticmethod
         def defect(content: bytes) -> str | None:
@@ -40,6 +45,9 @@ if TYPE_CHECKING:
         def with_metadata(encoded: bytes, metadata: Metadata, note: str) -> tuple[bytes, list[str]]:
             """Give an encoded image metadata of another format; also say what stays behind."""
 
+
+SURPRISES = (struct.error, LookupError, ValueError, ArithmeticError)
+"""What reading a header may raise that is cut off or damaged."""
 
 _MODULES = frozenset({"bmp", "jpeg", "jpeg 2000", "png", "tiff", "webp"})
 
@@ -76,6 +84,23 @@ def kind_of(content: bytes) -> Kind | None:
     """Return the module that takes apart files like this one; None if there is none."""
     name = image_format(content)
     return _module(name) if name in _MODULES else None
+
+
+@contextmanager
+def damage_refused(path: object) -> Iterator[None]:
+    """Make a refusal of the file out of whatever its damaged parts do to those who read them: it must not end a run over many.
+
+    Raises
+    ------
+    InputError
+        Instead of any of `SURPRISES`.
+    """
+    try:
+        yield
+    except SURPRISES:
+        raise InputError(
+            f"{path}: damaged image (its parts contradict each other, or it ends too early). Copy it again."
+        ) from None
 
 
 @lru_cache

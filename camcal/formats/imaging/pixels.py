@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +10,8 @@ import numpy as np
 
 from camcal.errors import InputError
 from camcal.formats.imaging.header import MOST_PIXELS, image_defect, image_format, refuse_bomb
+from camcal.formats.imaging.kinds import damage_refused
+from camcal.formats.imaging.opencv_log import quiet
 from camcal.formats.text import shown
 from camcal.observations import Image
 
@@ -51,6 +50,8 @@ _SAMPLINGS = {
 }
 # Formats that are decoded straight from the file into memory that is used again.
 _READ_IN_PLACE = frozenset({"png", "bmp", "netpbm", "webp"})
+# What no picture is likely to begin with.
+_MARK = np.array([85, 170, 17, 204, 51, 238, 102, 153])
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,16 +149,28 @@ def _read_in_place(path: Path, buffer: Image | None) -> Image | None:
         return None
     try:
         with quiet():
-            return cv2.imread(str(path), AS_STORED) if buffer is None else cv2.imread(str(path), buffer, AS_STORED)
+            return cv2.imread(str(path), AS_STORED) if buffer is None else _read_over(path, buffer)
     except cv2.error:
         return None
+
+
+def _read_over(path: Path, buffer: Image) -> Image | None:
+    """Read into a buffer; None if that fails, or cannot be told from failing.
+
+    Of a file whose header it cannot read, OpenCV returns the buffer as it was: with the picture before.
+    """
+    corner = buffer.reshape(-1)[: _MARK.size]
+    corner[:] = mark = _MARK[: corner.size].astype(buffer.dtype)
+    image: Image | None = cv2.imread(str(path), buffer, AS_STORED)
+    return None if image is buffer and np.array_equal(corner, mark) else image
 
 
 def check_content(path: str | Path, content: bytes, most_pixels: int = MOST_PIXELS) -> None:
     """Refuse what is seen to be wrong without decoding: no image, damaged, truncated, too many pixels."""
     if image_format(content) is None:
         raise InputError(f"{path}: not an image (its first bytes are {shown(content[:8])}). Convert it to PNG or JPEG.")
-    defect = image_defect(content)
+    with damage_refused(path):
+        defect = image_defect(content)
     if defect:
         raise InputError(f"{path}: {defect}. Copy it again.")
     refuse_bomb(path, content, most_pixels)
@@ -180,7 +193,7 @@ def check_storable(path: str | Path, dtype: np.dtype[np.generic], channels: int)
     if dtype.name in types and channels in counts:
         return
     fitting = [other for other in (".png", ".tiff") if dtype.name in _STORES[other][0] and channels in _STORES[other][1]]
-    expected = f"{' or '.join(types)} with {' or '.join(map(str, counts))} channels"
+    expected = f"{' or '.join(types)} with {' or '.join(map(str, counts))} channel{'' if counts == (1,) else 's'}"
     advice = f"Write {' or '.join(fitting)} instead." if fitting else "Convert the pixels first."
     raise InputError(
         f"{path}: pixels that {extension} cannot hold (got {dtype.name} with {channels}, expected {expected}). {advice}"
@@ -190,6 +203,17 @@ def check_storable(path: str | Path, dtype: np.dtype[np.generic], channels: int)
 def channels_of(image: Image) -> int:
     """Return the number of channels."""
     return 1 if image.ndim == 2 else int(image.shape[2])
+
+
+def lacks_grey(path: str | Path) -> bool:
+    """Tell whether a file's format is one that is written and holds colours only."""
+    _, counts = _STORES.get(Path(path).suffix.lower(), ((), (1,)))
+    return 1 not in counts
+
+
+def as_colours(grey: Image) -> Image:
+    """Return the same value in each of three colours."""
+    return cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
 
 
 def encode(path: str | Path, image: Image, coding: Coding | None = None) -> bytes:
@@ -241,7 +265,8 @@ def _decoded(path: str | Path, content: bytes, flags: int) -> Image | None:
     if image_format(content) == "tiff":
         from camcal.formats.imaging.tiff import unturned_tiff
 
-        content = unturned_tiff(content, as_stored=flags == AS_STORED)
+        with damage_refused(path):
+            content = unturned_tiff(content, as_stored=flags == AS_STORED)
     try:
         with quiet():
             return cv2.imdecode(np.frombuffer(content, dtype=np.uint8), flags)
@@ -258,27 +283,3 @@ def _checked(path: str | Path, content: bytes, image: Image | None) -> Image:
             f"{path}: unsupported pixels (got {image.dtype.name}, expected {' or '.join(PIXEL_TYPES)}). Convert it."
         )
     return image
-
-
-_lock = threading.Lock()
-# The level belongs to the whole process: blocks may overlap on several threads, and only the last one out restores it.
-_levels: list[int] = []
-_depth = 0
-
-
-@contextmanager
-def quiet() -> Iterator[None]:
-    """Keep OpenCV from logging what is raised as an error anyway."""
-    global _depth  # noqa: PLW0603
-    with _lock:
-        _depth += 1
-        if _depth == 1:
-            _levels.append(cv2.utils.logging.getLogLevel())
-            cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    try:
-        yield
-    finally:
-        with _lock:
-            _depth -= 1
-            if _depth == 0:
-                cv2.utils.logging.setLogLevel(_levels.pop())

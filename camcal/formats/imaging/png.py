@@ -29,6 +29,7 @@ _COLOURS = frozenset({b"gAMA", b"cHRM", b"sRGB", b"iCCP", b"cICP", b"mDCV", b"mD
 _PER_CHANNEL = frozenset({b"sBIT", b"bKGD"})
 _XMP_KEYWORD = b"XML:com.adobe.xmp"
 _PER_METRE = b"\1"
+_LARGEST = 2**31 - 1
 _HEAD = struct.Struct(">I4s")
 _GREY, _COLOUR, _PALETTE, _GREY_ALPHA = 0, 2, 3, 4
 
@@ -207,7 +208,7 @@ def with_metadata(encoded: bytes, described: Metadata, note: str) -> tuple[bytes
     if described.icc:
         chunks.append(_chunk(b"iCCP", b"ICC profile\0\0" + zlib.compress(described.icc)))
     if described.dots_per_metre:
-        x, y = (round(dots) for dots in described.dots_per_metre)
+        x, y = (min(round(dots), _LARGEST) for dots in described.dots_per_metre)
         chunks.append(_chunk(b"pHYs", x.to_bytes(4) + y.to_bytes(4) + _PER_METRE))
     if described.exif:
         chunks.append(_chunk(b"eXIf", described.exif))

@@ -197,7 +197,7 @@ def with_metadata_of(source: bytes, encoded: bytes, note: str) -> tuple[bytes, l
     left_behind : list of str
         What was not copied.
     """
-    directories = read_directories(source)
+    directories = read_directories(source) or [Directory()]
     described = without(directories[0], _STORAGE)
     kept = dict(described.tags)
     for code in (_PHOTOMETRIC, _EXTRA):

@@ -188,7 +188,9 @@ class _Reader:
         return Tag(code, kind, value, place)
 
     def _number(self, kind: str, position: int) -> int:
-        """Read one unsigned number."""
+        """Read one unsigned number; struct.error if it is not there, however far beyond the end that is."""
+        if position > len(self.content):
+            raise struct.error("beyond the end of the file")
         return int(struct.unpack_from(self.order + kind, self.content, position)[0])
 
 

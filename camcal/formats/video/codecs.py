@@ -76,8 +76,9 @@ class EncodingOptions:
             raise InputError(
                 f"--codec: not one that is written (got {self.codec!r}, expected one of {', '.join(known)}).{hint}"
             )
-        if self.quality is not None and not 0 <= self.quality <= HIGHEST_CRF:
-            raise InputError(f"--crf: out of range (got {self.quality:g}, expected at most {HIGHEST_CRF:g}; lower is better).")
+        if self.quality is not None and not 0 <= self.quality <= max(HIGHEST_CRF.values()):
+            scales = ", ".join(f"{high:g} for {codec}" for codec, high in HIGHEST_CRF.items())
+            raise InputError(f"--crf: out of range (got {self.quality:g}, expected at most {scales}; lower is better).")
         if self.pixel_format is not None:
             import av
 
@@ -169,7 +170,8 @@ def _as_asked(codec: str, layout: PixelLayout, request: _Request) -> Encoding:
     """Take the codec that the user names, or say why it cannot be."""
     fitting = [key for key in encoders_of(codec) if takes_encoder(key, request.container)]
     if not fitting:
-        raise InputError(f"--codec: {codec} does not fit into {request.container}. Write .mkv, or choose another codec.")
+        advice = "Choose another codec." if request.container == "matroska" else "Write .mkv, or choose another codec."
+        raise InputError(f"--codec: {codec} does not fit into {request.container}. {advice}")
     if request.lossless and all(ENCODERS[key].lossless is None for key in fitting):
         if request.options.lossless is None:
             return _as_asked(codec, layout, replace(request, lossless=False))
@@ -204,6 +206,9 @@ def _encoding(name: str, held: str, layout: PixelLayout, request: _Request) -> E
     if encoder.codec == "dnxhd":
         settings["profile"] = _DNXHR_PROFILES.get(layout.name, "dnxhr_444")
     if options.preset is not None:
+        if encoder.presets and options.preset not in encoder.presets:
+            known, hint = ", ".join(encoder.presets), did_you_mean(options.preset, encoder.presets)
+            raise InputError(f"--preset: not one of {encoder.codec}'s (got {options.preset!r}, expected one of {known}).{hint}")
         settings["preset"] = options.preset
     return Encoding(name, held, layout, settings, request.lossless, _differences(encoder, layout, source, options))
 

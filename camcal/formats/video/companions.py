@@ -95,6 +95,7 @@ def _add(stream: Stream, output: OutputContainer) -> Stream:
 
 
 def _kind(stream: Stream) -> str:
+    """Say what is in a stream; one of a codec that libav does not know has neither a context nor, unless it is data, a name."""
     context = getattr(stream, "codec_context", None)
-    name = context.codec.canonical_name if context is not None else stream.name or stream.metadata.get("handler_name")
-    return f"{stream.type}, {name or 'unknown'}"
+    known = context.codec.canonical_name if context is not None else getattr(stream, "name", None)
+    return f"{stream.type}, {known or stream.metadata.get('handler_name') or 'unknown'}"

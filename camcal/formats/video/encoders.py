@@ -22,6 +22,8 @@ class Encoder:
         Options in any case.
     lossless : mapping or None
         Options for a lossless video; None if there are none.
+    presets : tuple of str
+        Names of its presets, if it has names; of a wrong one libx264 complains on the terminal by itself.
     """
 
     codec: str
@@ -31,13 +33,19 @@ class Encoder:
     high: float = 0.0
     always: Mapping[str, str] = field(default_factory=dict)
     lossless: Mapping[str, str] | None = None
+    presets: tuple[str, ...] = ()
 
 
+_NAMED = ("ultrafast", "superfast", "veryfast", "faster", "fast", "medium", "slow", "slower", "veryslow", "placebo")
 _X265_QUIET = "log-level=none"
 ENCODERS: Mapping[str, Encoder] = {
-    "libx264": Encoder("h264", "crf", 18, 0, 51, lossless={"qp": "0"}),
-    "libx264rgb": Encoder("h264", "crf", 18, 0, 51, lossless={"qp": "0"}),
-    "libx265": Encoder("hevc", "crf", 20, 0, 51, {"x265-params": _X265_QUIET}, {"x265-params": f"{_X265_QUIET}:lossless=1"}),
+    "libx264": Encoder("h264", "crf", 18, 0, 51, lossless={"qp": "0"}, presets=_NAMED),
+    "libx264rgb": Encoder("h264", "crf", 18, 0, 51, lossless={"qp": "0"}, presets=_NAMED),
+    "libx265": Encoder(
+        *("hevc", "crf", 20, 0, 51, {"x265-params": _X265_QUIET}),
+        lossless={"x265-params": f"{_X265_QUIET}:lossless=1"},
+        presets=_NAMED,
+    ),
     "libsvtav1": Encoder("av1", "crf", 22, 1, 63, {"preset": "7"}, {"svtav1-params": "lossless=1"}),
     "libvpx-vp9": Encoder("vp9", "crf", 22, 0, 63, {"b": "0", "row-mt": "1", "cpu-used": "3"}, {"lossless": "1"}),
     # VP8 needs a rate for its quality to work within: one that is never reached.
@@ -54,8 +62,8 @@ ENCODERS: Mapping[str, Encoder] = {
 """The encoders that are used, the preferred one of a codec first."""
 
 _ALIASES = {"h265": "hevc", "x264": "h264", "x265": "hevc", "avc": "h264", "raw": "rawvideo"}
-HIGHEST_CRF = max(encoder.high for encoder in ENCODERS.values())
-"""Where the longest scale of quality ends."""
+HIGHEST_CRF = {encoder.codec: encoder.high for encoder in ENCODERS.values() if encoder.quality == "crf"}
+"""Where each codec's scale of quality ends."""
 
 
 def encoders_of(codec: str) -> list[str]:

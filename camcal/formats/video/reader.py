@@ -70,15 +70,21 @@ class VideoInfo:
     rotation_deg: int
 
 
-def probe_video(path: str | Path) -> VideoInfo:
+def probe_video(path: str | Path, *, as_progressive: bool = True) -> VideoInfo:
     """Read what a video says of itself; its first frame is decoded.
+
+    Parameters
+    ----------
+    path : str or Path
+    as_progressive : bool
+        Whether it may be marked as interlaced.
 
     Raises
     ------
     InputError
-        If it cannot be read or has no frame.
+        If it cannot be read, has no frame, or is interlaced and must not be.
     """
-    with VideoReader(path) as reader:
+    with VideoReader(path, as_progressive=as_progressive) as reader:
         return reader.info
 
 
@@ -125,13 +131,24 @@ class VideoReader:
             self.stream.thread_count = threads
             self._begin()
         except BaseException:
-            self.container.close()
+            self.close()
             raise
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file, and let the decoder's threads come to rest first.
+
+        Decoders are freed by whoever drops the last reference, while all other Python waits; a thread of theirs that has
+        something to log by way of Python would wait for that one, and that one for the thread.
+        """
+        for stream in self.container.streams.video:
+            if stream.codec_context is not None:
+                stream.codec_context.flush_buffers()
         self.container.close()
 
     @property
@@ -146,8 +163,15 @@ class VideoReader:
 
     @property
     def rate(self) -> Fraction:
-        """Frames per second, on average."""
-        return self.stream.average_rate or self.stream.guessed_rate or Fraction(25)
+        """Frames per second, on average.
+
+        Where frames are not counted, the average is only what the file's writer said; no true one is above the rate that
+        libav finds in the times.
+        """
+        average, found = self.stream.average_rate, self.stream.guessed_rate
+        if average and found and not self.stream.frames:
+            return min(average, found)
+        return average or found or Fraction(25)
 
     @property
     def codec(self) -> str:
@@ -285,5 +309,5 @@ class VideoReader:
         if frame.interlaced_frame and not self._as_progressive:
             raise InputError(
                 f"{self.path}: interlaced (each frame holds two moments, which a lens correction would mix). "
-                "Deinterlace it first, or say that it is progressive if it is only marked so."
+                "Deinterlace it first, or add --progressive if it is only marked so."
             )

@@ -102,7 +102,8 @@ def undistort(
     gamma : str or float, optional
         Average light, not pixel values: "srgb" or the exponent of a power law. Images only.
     fill : float or sequence of float, optional
-        Value of pixels that see nothing, 0 by default; for all channels or red, green, blue (and alpha). Images only.
+        Value of pixels that see nothing, 0 by default; for all channels or red, green, blue and alpha, which is 0 if left
+        out. Images only.
     file_format : str, optional
         Extension that the results get, of the kind of file that it belongs to.
     quality : int, optional
@@ -131,7 +132,7 @@ def undistort(
     resume : bool
         Pass over what an earlier run finished: the same source, the same camera and the same options.
     dry_run : bool
-        Whether to say what would be done, and write nothing.
+        Whether to say what would be done, and write nothing. Files are looked into, but not decoded.
     force : bool
         Whether a folder that exists is written into.
     scheduler : str, optional
@@ -162,7 +163,8 @@ def undistort(
     """
     reporter = reporter or LogReporter()
     paths = as_paths(inputs)
-    geometry = Geometry(alpha, fov_deg, size, scale, crop, target, distort, rescale)
+    ideal = None if target is None else known_camera(target, reporter).camera
+    geometry = Geometry(alpha, fov_deg, size, scale, crop, ideal, distort, rescale)
     choice = FileChoice(
         interpolation, gamma, fill, file_format, quality, codec, crf, pixel_format, frames, preset, lossless, progressive
     )
@@ -203,13 +205,13 @@ def undistort_found(
     force: bool = False,
     jobs: int | None = None,
 ) -> Undistortion:
-    """Do what `undistort` does for images that have been found already, without a ledger to resume from."""
+    """Do what `undistort` does for images that have been found already, for another command."""
     known = _load_camera(camera, reporter)
     place = Place(Path(output))
     refuse_lost_cameras(place, (Path(camera),))
     cameras = Geometry(alpha).cameras(known.camera)
     companions = Companions(place, camera_of_results(known, cameras))
-    run = Run(Setting(cameras, ImageOptions()), companions, reporter, jobs, has_ledger=False)
+    run = Run(Setting(cameras, ImageOptions()), companions, reporter, jobs, is_resumable=False)
     return run.over(Sources(tuple(Source(image.path, image.name, image.named) for image in found)), force=force)
 
 
@@ -223,7 +225,7 @@ def _points_file(paths: Sequence[str | Path]) -> Path | None:
 
 def _load_camera(camera: GivenCamera, reporter: Reporter) -> Intrinsics:
     """Read the camera, and pass on if it is not to be trusted."""
-    known = known_camera(camera)
+    known = known_camera(camera, reporter)
     if known.problems:
         reporter.warn(f"{camera_name(camera)}: marked as not to be trusted: {known.problems[0]}")
     return known

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from camcal.errors import InputError
 from camcal.formats.camera_file import camera_yaml
 from camcal.formats.images import write_image
+from camcal.formats.ledger_file import Ledger
 from camcal.formats.output import write_atomically
 from camcal.records import Intrinsics
 from camcal.undistortion.maps import UndistortMap, dense_map, valid_mask
+from camcal.workflows.reporting import Reporter
 from camcal.workflows.undistort.geometry import Cameras
 from camcal.workflows.undistort.inputs import COMPANIONS
-from camcal.workflows.undistort.plan import Place
+from camcal.workflows.undistort.plan import Place, is_there
 
 _MAPS_NPZ = "maps.npz"
 _MASK, _MAPS_TIFF = COMPANIONS
@@ -38,18 +41,49 @@ class Companions:
     maps: bool = False
 
     @property
-    def image_names(self) -> tuple[str, ...]:
-        """Names of the images among them."""
-        return (*([_MASK] if self.mask else []), *([_MAPS_TIFF] if self.maps else []))
+    def names(self) -> tuple[str, ...]:
+        """Names of those that are wanted beside the camera."""
+        return (*([_MASK] if self.mask else []), *([_MAPS_NPZ, _MAPS_TIFF] if self.maps else []))
 
-    def withdraw_camera(self) -> None:
-        """Remove another camera that stands there: its presence would say that it belongs to all results."""
-        path = self.place.camera_file
-        try:
-            if path.exists() and path.read_bytes() != camera_yaml(self.intrinsics).encode():
-                path.unlink()
-        except OSError as error:
-            raise InputError(f"{path}: cannot be removed ({(error.strerror or str(error)).lower()}). Remove it.") from None
+    def withdraw(self, ledger: Ledger | None, key: str, results: Collection[str]) -> tuple[Path, ...]:
+        """Remove what stands there and is of another camera: its presence would say that it belongs to all results.
+
+        A mask and maps are removed only where the ledger proves that an earlier run wrote them.
+
+        Parameters
+        ----------
+        ledger : Ledger or None
+            Of the folder, if it has one.
+        key : str
+            Of the map that the results are made with.
+        results : collection of str
+            Names of the results, which may be called as a mask or maps are.
+
+        Returns
+        -------
+        tuple of Path
+            A mask and maps that stay, and may be of another camera.
+
+        Raises
+        ------
+        InputError
+            If something cannot be removed.
+        """
+        camera = self.place.camera_file
+        is_same = _holds(camera, camera_yaml(self.intrinsics).encode())
+        doubtful = []
+        for name in (_MASK, _MAPS_NPZ, _MAPS_TIFF):
+            path = self.place.companion(name)
+            made_with = ledger.companion_settings(name) if ledger else None
+            if name in results or made_with == key or not is_there(path):
+                continue
+            if made_with is not None:
+                _remove(path)
+            elif not is_same and name not in self.names:
+                doubtful.append(path)
+        if not is_same:
+            _remove(camera)
+        return tuple(doubtful)
 
     def write(self, build_map: Callable[[], UndistortMap] | None = None) -> None:
         """Write all of them, the camera last: it says that everything is there.
@@ -73,6 +107,30 @@ class Companions:
             save_maps_npz(self.place.companion(_MAPS_NPZ), map_x, map_y)
             save_maps_tiff(self.place.companion(_MAPS_TIFF), map_x, map_y)
         write_atomically(self.place.camera_file, camera_yaml(self.intrinsics))
+
+
+def warn_of_doubtful(paths: Sequence[Path], reporter: Reporter) -> None:
+    """Say which files beside the results may be of another camera."""
+    if paths:
+        names = " and ".join(path.name for path in paths)
+        them, ones = ("it", "a new one") if len(paths) == 1 else ("them", "new ones")
+        reporter.warn(f"{paths[0].parent}: {names} may be of another camera. Remove {them}, or write {ones}.")
+
+
+def _holds(path: Path, content: bytes) -> bool:
+    """Tell whether a file has this content."""
+    try:
+        return path.read_bytes() == content
+    except OSError:
+        return False
+
+
+def _remove(path: Path) -> None:
+    """Remove a file, if it is there."""
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be removed ({(error.strerror or str(error)).lower()}). Remove it.") from None
 
 
 def camera_of_results(known: Intrinsics, cameras: Cameras) -> Intrinsics:

@@ -12,7 +12,6 @@ from camcal.undistortion.frames import sees_source
 from camcal.undistortion.maps import UndistortMap, undistort_map
 from camcal.undistortion.sizes import rescaled_camera
 from camcal.undistortion.target import target_camera
-from camcal.workflows.given import GivenCamera, known_camera
 
 if TYPE_CHECKING:
     from camcal.geometry.camera import Camera
@@ -35,7 +34,7 @@ class Geometry:
     size: tuple[int, int] | None = None
     scale: float = 1.0
     crop: str = "none"
-    target: GivenCamera | None = None
+    target: Camera | None = None
     distort: bool = False
     rescale: bool = False
 
@@ -66,14 +65,13 @@ class Geometry:
         Raises
         ------
         InputError
-            If a value is out of range, the camera cannot be scaled to the size, or the target's file cannot be used.
+            If a value is out of range or the camera cannot be scaled to the size.
         """
         if self.rescale and size is not None:
             camera = rescaled_camera(camera, size)
-        if self.target is None:
-            ideal = target_camera(camera, self.alpha, fov_deg=self.fov_deg, size=self.size, scale=self.scale, crop=self.crop)
-        else:
-            ideal = known_camera(self.target).camera
+        ideal = self.target or target_camera(
+            camera, self.alpha, fov_deg=self.fov_deg, size=self.size, scale=self.scale, crop=self.crop
+        )
         return Cameras(ideal, camera) if self.distort else Cameras(camera, ideal)
 
     @property

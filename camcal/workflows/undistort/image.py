@@ -17,7 +17,15 @@ import camcal
 from camcal.errors import InputError
 from camcal.formats.imaging.fidelity import coding_like, expansions, has_alpha, refuse_loss
 from camcal.formats.imaging.header import MOST_PIXELS, image_size
-from camcal.formats.imaging.pixels import channels_of, check_content, check_storable, decode_into, encode
+from camcal.formats.imaging.pixels import (
+    as_colours,
+    channels_of,
+    check_content,
+    check_storable,
+    decode_into,
+    encode,
+    lacks_grey,
+)
 from camcal.formats.metadata import carry_metadata
 from camcal.formats.output import write_atomically
 from camcal.formats.text import read_bytes
@@ -86,18 +94,53 @@ def undistort_image_file(
     """
     chosen = options or ImageOptions()
     refuse_same_file(source, target)
-    content = read_bytes(source)
-    check_content(source, content, chosen.most_pixels)
-    refuse_size(source, image_size(content), undistort.source.size)
-    refuse_loss(source, content)
+    content = useful_content(source, undistort.source.size, chosen.most_pixels)
     image, warnings = _decoded(source, content)
     warnings += _spread(image, chosen.interpolation)
-    check_storable(target, image.dtype, channels_of(image))
+    is_widened = refuse_unstorable(target, image.dtype, channels_of(image))
     result = _resampled(source, image, undistort, chosen, is_alpha=has_alpha(content))
+    if is_widened:
+        result = as_colours(result)
+        warnings.append(f"grey: written as colour, the same value in each, because {target.suffix.lower()} has no grey")
     encoded = encode(target, result, coding_like(content, target, chosen.quality))
-    complete, left_behind = carry_metadata(content, encoded, _note(undistort))
+    complete, left_behind = carry_metadata(content, encoded, _note(undistort), source)
     write_atomically(target, complete)
     return (*warnings, *left_behind)
+
+
+def useful_content(source: Path, size: tuple[int, int], most_pixels: int) -> bytes:
+    """Read an image file, and refuse it if it is of no use, as far as that shows without decoding it.
+
+    Parameters
+    ----------
+    source : Path
+    size : tuple of int
+        (width, height) that it must have.
+    most_pixels : int
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is damaged, too big, of another size or of a kind that would lose something.
+    """
+    content = read_bytes(source)
+    check_content(source, content, most_pixels)
+    refuse_size(source, image_size(content), size)
+    refuse_loss(source, content)
+    return content
+
+
+def refuse_unstorable(target: Path, dtype: np.dtype[np.generic], channels: int) -> bool:
+    """Refuse pixels that a target's format cannot hold; tell whether grey ones have to become colours for it.
+
+    Raises
+    ------
+    InputError
+        If it cannot hold them.
+    """
+    is_widened = channels == 1 and lacks_grey(target)
+    check_storable(target, dtype, 3 if is_widened else channels)
+    return is_widened
 
 
 def refuse_same_file(source: Path, target: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -63,7 +64,7 @@ class Sources:
     others : tuple of Path
         Files that are neither images nor videos.
     unreadable : tuple of Rejected
-        Folders that could not be looked into.
+        Folders that could not be looked into, and entries of a list that are not there.
     results : tuple of Path
         Folders of results of earlier runs, not looked into.
     """
@@ -126,9 +127,14 @@ def find_sources(
 
 
 def read_list(content: bytes) -> tuple[str, ...]:
-    """Read a list of paths: one per line, or separated by NUL as `find -print0` writes them."""
-    parts = content.split(b"\0") if b"\0" in content else content.splitlines()
-    return tuple(os.fsdecode(part) for part in parts if part)
+    """Read a list of paths: one per line, or separated by NUL as `find -print0` writes them.
+
+    What editors leave does not count: a byte order mark, and blanks behind a name that no file has with them.
+    """
+    if b"\0" in content:
+        return tuple(os.fsdecode(part) for part in content.split(b"\0") if part)
+    lines = map(os.fsdecode, content.removeprefix(codecs.BOM_UTF8).splitlines())
+    return tuple(filter(None, (line if os.path.lexists(line) else line.rstrip(" \t") for line in lines)))
 
 
 class _Search:
@@ -161,6 +167,8 @@ class _Search:
         try:
             if path.is_dir():
                 self._add_folder(path, must_hold=False)
+            elif not path.exists():
+                self.unreadable.append(Rejected(str(path), "no such file. Check the path."))
             elif _is_special(path):
                 self.others.append(path)
             else:

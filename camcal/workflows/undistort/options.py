@@ -123,13 +123,13 @@ class FileChoice:
         if self.quality is not None and videos and len(videos) == len(files):
             raise InputError("--quality: only for images (there is none among the inputs). Videos have --crf.")
         for name in self.only_for_images if videos else ():
-            raise InputError(
-                f"{name}: only for images (got {videos[0].path}). Undistort images and videos one after the other."
-            )
+            all_are = len(videos) == len(files)
+            advice = "Leave it away." if all_are else "Undistort images and videos one after the other."
+            raise InputError(f"{name}: only for images (got {videos[0].path}). {advice}")
         extension = self.extension
         if extension is not None and files and all(file.is_video != (extension in VIDEOS) for file in files):
-            kind, other = ("video", "images") if extension in VIDEOS else ("image", "videos")
-            raise InputError(f"--format: {self.file_format} is for a {kind} (got only {other}). Choose another format.")
+            kind, other = ("a video", "images") if extension in VIDEOS else ("an image", "videos")
+            raise InputError(f"--format: {self.file_format} is for {kind} (got only {other}). Choose another format.")
 
 
 def refuse_for_points(choice: FileChoice, flags: Mapping[str, object]) -> None:

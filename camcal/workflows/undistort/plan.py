@@ -15,11 +15,12 @@ from camcal.formats.imaging.unread import UNREAD
 from camcal.formats.ledger_file import LEDGER_NAME
 from camcal.formats.output import claim_file, claim_folder
 from camcal.formats.text import file_in, unreadable
+from camcal.nearest import did_you_mean
 from camcal.observations import Rejected
 from camcal.workflows.undistort.image import refuse_size
 from camcal.workflows.undistort.inputs import VIDEOS, WRITTEN_VIDEOS, Source
 from camcal.workflows.undistort.probe import size_of_source
-from camcal.workflows.undistort.work import Job
+from camcal.workflows.undistort.work import Job, Setting
 
 _CALIBRATION_FILES = ("views.yaml", "corners.csv")
 
@@ -100,7 +101,7 @@ def choose_place(output: str | Path, files: Sequence[Source], extension: str | N
     Raises
     ------
     InputError
-        If a file is named for several inputs, or one of another format than asked for.
+        If a file is named for several inputs, or one of another format than asked for, or an extension is mistyped.
     """
     path = Path(output)
     if is_file_name(output, UNREAD):
@@ -108,12 +109,37 @@ def choose_place(output: str | Path, files: Sequence[Source], extension: str | N
             f"{path}: not a format to write (got '{path.suffix}'). Name a file such as {path.stem}.tif, or a folder."
         )
     if not is_file_name(output, EXTENSIONS | VIDEOS):
+        if len(files) == 1 and files[0].named:
+            refuse_mistyped(output, WRITTEN_VIDEOS if files[0].is_video else WRITTEN_EXTENSIONS)
         return Place(path)
     if len(files) > 1:
         raise InputError(f"{path}: a file for {len(files)} inputs (expected a folder). Name a folder with -o.")
     if extension is not None and path.suffix.lower() != extension.lower():
         raise InputError(f"--format: not that of the output file (got {extension}, expected {path.suffix}). Leave it away.")
     return Place(path.parent, path)
+
+
+def refuse_mistyped(output: str | Path, extensions: Iterable[str]) -> None:
+    """Refuse an output that does not exist and looks as if it was to be a file: that name would become a folder.
+
+    Raises
+    ------
+    InputError
+        If it ends almost like one of the extensions, and not with a slash.
+    """
+    path = Path(output)
+    ending = path.suffix.lower().removeprefix(".")
+    # Names such as results.tmp are a folder's; who mistypes an extension begins it right.
+    known = [extension[1:] for extension in extensions if extension[1:2] == ending[:1]]
+    hint = "" if _is_folder(output) or is_there(path) else did_you_mean(ending, known)
+    if hint:
+        raise InputError(f"{path}: not a format to write (got '{path.suffix}').{hint} A folder of this name ends with a slash.")
+
+
+def _is_folder(output: str | Path) -> bool:
+    """Tell whether an output is a folder that is there, or ends with a slash."""
+    path = Path(output)
+    return str(output).endswith(("/", os.sep)) or (is_there(path) and path.is_dir())
 
 
 def _is_used(folder: Path) -> bool:
@@ -126,9 +152,7 @@ def _is_used(folder: Path) -> bool:
 
 def is_file_name(output: str | Path, extensions: Collection[str]) -> bool:
     """Tell whether an output is the name of a file with one of the extensions, and no folder."""
-    path = Path(output)
-    is_folder = is_there(path) and path.is_dir()
-    return path.suffix.lower() in extensions and not str(output).endswith(("/", os.sep)) and not is_folder
+    return Path(output).suffix.lower() in extensions and not _is_folder(output)
 
 
 def make_jobs(files: Sequence[Source], place: Place, beside: Collection[str]) -> tuple[tuple[Job, ...], tuple[Rejected, ...]]:
@@ -217,17 +241,18 @@ def refuse_lost_cameras(place: Place, cameras: Iterable[Path | None]) -> None:
             raise InputError(f"{camera}: would be replaced by the camera of the results. Choose another folder with -o.")
 
 
-def check_named(jobs: Iterable[Job], expected: tuple[int, int], most_pixels: int) -> None:
+def check_named(jobs: Iterable[Job], setting: Setting) -> None:
     """Refuse files that the user named and that are seen, from their headers, to be of no use.
 
     Raises
     ------
     InputError
-        If one cannot be read, is no image or video, is too large, or of another size than expected.
+        If one cannot be read, is no image or video, is too large, of another size than the camera's, or interlaced.
     """
     for job in jobs:
         if job.named:
-            refuse_size(job.source, size_of_source(job.source, most_pixels), expected)
+            size = size_of_source(job.source, setting.image.most_pixels, as_progressive=setting.as_progressive)
+            refuse_size(job.source, size, setting.cameras.source.size)
 
 
 def first_size(files: Iterable[Source], most_pixels: int) -> tuple[Path, tuple[int, int]] | None:

@@ -8,15 +8,18 @@ from pathlib import Path
 import numpy as np
 
 from camcal.errors import InputError
+from camcal.formats.images import EXTENSIONS
+from camcal.formats.imaging.unread import UNREAD
 from camcal.formats.points_file import PointsTable, load_points, save_points
 from camcal.formats.text import shown
 from camcal.geometry.arrays import FloatArray
 from camcal.records import Intrinsics
 from camcal.undistortion.points import undistort_points
 from camcal.workflows.reporting import Reporter
-from camcal.workflows.undistort.companions import Companions, camera_of_results
+from camcal.workflows.undistort.companions import Companions, camera_of_results, warn_of_doubtful
 from camcal.workflows.undistort.geometry import Geometry
-from camcal.workflows.undistort.plan import Place, is_file_name, refuse_lost_cameras, refuse_replacing
+from camcal.workflows.undistort.inputs import VIDEOS
+from camcal.workflows.undistort.plan import Place, is_file_name, refuse_lost_cameras, refuse_mistyped, refuse_replacing
 from camcal.workflows.undistort.run import Undistortion
 from camcal.workflows.undistort.work import Job
 
@@ -46,8 +49,7 @@ def undistort_points_file(
     table = load_points(source)
     cameras = geometry.cameras(known.camera)
     _check_size(table, cameras.source.size)
-    path = Path(output)
-    place = Place(path.parent, path) if is_file_name(output, (POINTS_EXTENSION,)) else Place(path)
+    place = _place(output)
     refuse_lost_cameras(place, cameras_in_use)
     target = place.file or place.folder / source.name
     job = Job(source, target, target.name, named=True)
@@ -58,12 +60,26 @@ def undistort_points_file(
     warnings = _warnings(table, points)
     if not dry_run:
         place.claim()
-        companions.withdraw_camera()
+        warn_of_doubtful(companions.withdraw(None, "", (target.name,)), reporter)
         save_points(target, table, points, dict(zip(_SIDES, map(str, cameras.target.size), strict=True)))
         for warning in warnings:
             reporter.warn(warning)
         companions.write()
     return Undistortion(place.folder, place.camera_file, cameras.target, (job,), warnings=warnings)
+
+
+def _place(output: str | Path) -> Place:
+    """Tell whether the output is a folder or a file of points; refuse a file of something else."""
+    path = Path(output)
+    if is_file_name(output, (POINTS_EXTENSION,)):
+        return Place(path.parent, path)
+    if is_file_name(output, EXTENSIONS | VIDEOS | UNREAD):
+        raise InputError(
+            f"{path}: no file of points (got '{path.suffix}', expected {POINTS_EXTENSION}). "
+            f"Name a file such as {path.stem}{POINTS_EXTENSION}, or a folder."
+        )
+    refuse_mistyped(output, (POINTS_EXTENSION,))
+    return Place(path)
 
 
 def _warnings(table: PointsTable, points_px: FloatArray) -> tuple[str, ...]:

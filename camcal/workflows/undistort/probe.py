@@ -8,8 +8,16 @@ from camcal.formats.imaging.size import size_of_image
 from camcal.workflows.undistort.inputs import is_video
 
 
-def size_of_source(path: Path, most_pixels: int) -> tuple[int, int] | None:
+def size_of_source(path: Path, most_pixels: int, *, as_progressive: bool = True) -> tuple[int, int] | None:
     """Read the (width, height) in pixels of an image or video from its header, and refuse what is seen to be wrong there.
+
+    Parameters
+    ----------
+    path : Path
+    most_pixels : int
+        That an image may have.
+    as_progressive : bool
+        Whether a video may be marked as interlaced.
 
     Returns
     -------
@@ -19,11 +27,11 @@ def size_of_source(path: Path, most_pixels: int) -> tuple[int, int] | None:
     Raises
     ------
     InputError
-        If the file cannot be read, is empty, no image or video, or has too many pixels.
+        If the file cannot be read, is empty, no image or video, has too many pixels, or is interlaced and must not be.
     """
     if is_video(path):
         # libav takes long to import, and images do not need it.
         from camcal.formats.video.reader import probe_video
 
-        return probe_video(path).size
+        return probe_video(path, as_progressive=as_progressive).size
     return size_of_image(path, most_pixels)

@@ -15,7 +15,7 @@ from camcal.geometry.camera import Camera
 from camcal.observations import Rejected
 from camcal.workflows.inputs import warn_of_each
 from camcal.workflows.reporting import Reporter
-from camcal.workflows.undistort.companions import Companions
+from camcal.workflows.undistort.companions import Companions, warn_of_doubtful
 from camcal.workflows.undistort.inputs import Sources
 from camcal.workflows.undistort.plan import check_named, is_there, make_jobs
 from camcal.workflows.undistort.work import Finished, Job, Note, Outcome, Setting, Undistorter, carry_out_here
@@ -72,8 +72,8 @@ class Run:
         Images worked on at once here; None is one per processor.
     scheduler : str or None
         Address of a cluster that does the work instead.
-    has_ledger : bool
-        Whether a folder of results gets a ledger.
+    is_resumable : bool
+        Whether the command at work can go on from where it stopped.
     """
 
     setting: Setting
@@ -81,7 +81,7 @@ class Run:
     reporter: Reporter
     threads: int | None = None
     scheduler: str | None = None
-    has_ledger: bool = True
+    is_resumable: bool = True
 
     def over(self, files: Sources, *, force: bool = False, resume: bool = False, dry_run: bool = False) -> Undistortion:
         """Plan, check, and unless this is a dry run, do it.
@@ -92,19 +92,19 @@ class Run:
             If a named file cannot be used, nothing can be written, or there is no result in the end.
         """
         place = self.companions.place
-        jobs, unwritable = make_jobs(files.files, place, self.companions.image_names)
+        jobs, unwritable = make_jobs(files.files, place, self.companions.names)
         rejected = (*files.unreadable, *unwritable)
-        ledger = Ledger(place.folder) if self.has_ledger and place.file is None else None
-        keys = {is_video: self.setting.key(is_video=is_video) for is_video in (False, True)}
+        ledger = Ledger(place.folder) if place.file is None else None
+        keys = self._keys
         done = [job for job in jobs if ledger.is_done(job.source, job.name, keys[job.is_video])] if resume and ledger else []
         waiting = sorted(set(jobs) - set(done), key=lambda job: job.name)
-        check_named(waiting, self.setting.cameras.source.size, self.setting.image.most_pixels)
+        check_named(waiting, self.setting)
         place.refuse_used(force=force, resume=resume)
         if dry_run:
-            return self._result([Finished(job) for job in waiting], done, rejected)
+            return self._foreseen(waiting, done, rejected)
         with _nothing_left_of_failures(place.folder, waiting):
             place.claim()
-            with nullcontext() if ledger is None else ledger.held(), _told_how_to_go_on(ledger, waiting):
+            with nullcontext() if ledger is None else ledger.held(), self._told_how_to_go_on(ledger, waiting):
                 for folder in sorted({job.target.parent for job in waiting} - {place.folder}):
                     claim_folder(folder, force=True)
                 if resume:
@@ -112,21 +112,42 @@ class Run:
                 if ledger is not None:
                     ledger.begin()
                     self._warn_of_strangers(ledger.left_over({job.name for job in jobs}, set(keys.values())))
+                return self._done(waiting, done, rejected, ledger)
 
-                def note(job: Job, read: Stamp | None) -> None:
-                    if ledger is not None and read is not None:
-                        ledger.add(job.source, job.name, read, keys[job.is_video])
+    @property
+    def _keys(self) -> dict[bool, str]:
+        """Names of the setting, for images and for videos."""
+        return {is_video: self.setting.key(is_video=is_video) for is_video in (False, True)}
 
-                return self._done(waiting, done, rejected, note)
+    def _foreseen(self, waiting: Sequence[Job], done: Sequence[Job], rejected: Sequence[Rejected]) -> Undistortion:
+        """Look at what waits, and tell about it, without doing it."""
+        from camcal.workflows.undistort.foresight import foresee
 
-    def _done(self, waiting: Sequence[Job], done: Sequence[Job], rejected: Sequence[Rejected], note: Note) -> Undistortion:
+        outcomes = foresee(waiting, self.setting, self.threads, self.reporter)
+        result = self._result(outcomes, done, rejected)
+        self._tell(result, outcomes, is_named=all(job.named for job in waiting))
+        return result
+
+    def _done(
+        self, waiting: Sequence[Job], done: Sequence[Job], rejected: Sequence[Rejected], ledger: Ledger | None
+    ) -> Undistortion:
         """Do what waits, tell about it, and write what belongs beside it."""
-        self.companions.withdraw_camera()
+        keys = self._keys
+
+        def note(job: Job, read: Stamp | None) -> None:
+            if ledger is not None and read is not None:
+                ledger.add(job.source, job.name, read, keys[job.is_video])
+
+        names = {job.name for job in (*waiting, *done)}
+        warn_of_doubtful(self.companions.withdraw(ledger, self.setting.map_key, names), self.reporter)
         undistorter = Undistorter(self.setting)
         outcomes = self._carry_out(waiting, undistorter, note)
         result = self._result(outcomes, done, rejected)
         self._tell(result, outcomes, is_named=all(job.named for job in waiting))
         self.companions.write(lambda: undistorter.map)
+        if ledger is not None:
+            for name in self.companions.names:
+                ledger.add_companion(name, self.setting.map_key)
         return result
 
     def _carry_out(self, jobs: Sequence[Job], undistorter: Undistorter, note: Note) -> list[Outcome]:
@@ -138,6 +159,18 @@ class Run:
         outcomes = carry_out_on_cluster(self.scheduler, jobs, self.setting, note, self.reporter)
         sweep(jobs)
         return outcomes
+
+    @contextmanager
+    def _told_how_to_go_on(self, ledger: Ledger | None, jobs: Sequence[Job]) -> Iterator[None]:
+        """Say of an error in the middle of a run that what is finished stays; a ledger of nothing is taken away."""
+        try:
+            yield
+        except InputError as error:
+            nothing = not any(is_there(job.target) for job in jobs)
+            came_to_nothing = ledger is None or (nothing and ledger.withdraw())
+            if came_to_nothing or not self.is_resumable or "--resume" in str(error):
+                raise
+            raise InputError(f"{error} What is finished stays: go on from there with --resume.") from error
 
     def _warn_of_strangers(self, names: Sequence[str]) -> None:
         """Say which results in the folder are not those of the camera that is going to stand beside them."""
@@ -177,18 +210,6 @@ class Run:
         if nothing:
             first = result.rejected[0]
             raise InputError(f"undistort: no usable image or video (first: {first.source}: {first.reason})")
-
-
-@contextmanager
-def _told_how_to_go_on(ledger: Ledger | None, jobs: Sequence[Job]) -> Iterator[None]:
-    """Say of an error in the middle of a run that what is finished stays; a ledger of nothing is taken away."""
-    try:
-        yield
-    except InputError as error:
-        nothing = not any(is_there(job.target) for job in jobs)
-        if ledger is None or (nothing and ledger.withdraw()) or "--resume" in str(error):
-            raise
-        raise InputError(f"{error} What is finished stays: go on from there with --resume.") from error
 
 
 @contextmanager

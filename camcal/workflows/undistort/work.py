@@ -22,6 +22,7 @@ from camcal.workflows.undistort.inputs import is_video
 if TYPE_CHECKING:
     from camcal.workflows.undistort.video import VideoOptions
 
+_LABEL = "Undistorting"
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 
 
@@ -115,14 +116,28 @@ class Setting:
     exact: bool = False
     distort: bool = False
 
+    @property
+    def as_progressive(self) -> bool:
+        """Whether videos may be marked as interlaced."""
+        return self.video is not None and self.video.as_progressive
+
     def key(self, *, is_video: bool) -> str:
         """Name the setting, with whatever changes an image or a video, in 16 letters."""
-        cameras = (self.cameras.source, self.cameras.target)
-        shared = [(camera.size, camera.intrinsic_names, camera.intrinsics.tolist()) for camera in cameras]
         own: object = replace(self.image, most_pixels=1)
         if is_video and self.video is not None:
             own = replace(self.video, encoding=replace(self.video.encoding, threads=0))
-        return _digest(repr((__version__, shared, self.exact, own)))
+        return _digest(repr((*self._of_map, own)))
+
+    @property
+    def map_key(self) -> str:
+        """Name what of the setting changes the map, in 16 letters."""
+        return _digest(repr(self._of_map))
+
+    @property
+    def _of_map(self) -> tuple[object, ...]:
+        cameras = (self.cameras.source, self.cameras.target)
+        shared = [(camera.size, camera.intrinsic_names, camera.intrinsics.tolist()) for camera in cameras]
+        return __version__, shared, self.exact
 
 
 def _digest(text: str) -> str:
@@ -222,20 +237,26 @@ def carry_out_here(
     images = [job for job in jobs if not job.is_video]
     # A video keeps every processor busy by itself, and Ctrl-C is to end it at once.
     videos = [job for job in jobs if job.is_video]
-    return [*_do_images(images, work, count, reporter), *(_do_video(job, undistorter, note, reporter) for job in videos)]
+    return [
+        *do_each(work, images, count, reporter, label=_LABEL),
+        *(_do_video(job, undistorter, note, reporter) for job in videos),
+    ]
 
 
-def _do_images(images: Sequence[Job], work: Callable[[Job], Outcome], count: int | None, reporter: Reporter) -> list[Outcome]:
-    if not images:
+def do_each(
+    work: Callable[[Job], Outcome], jobs: Sequence[Job], count: int | None, reporter: Reporter, *, label: str
+) -> list[Outcome]:
+    """Do the same to each of some jobs, so many at once (None is one per processor), with a row of progress."""
+    if not jobs:
         return []
-    if len(images) == 1:
-        with reporter.progress("Undistorting", None):
-            return [work(job) for job in images]
-    # Threads take long to import, and a single image does not need them.
+    if len(jobs) == 1:
+        with reporter.progress(label, None):
+            return [work(job) for job in jobs]
+    # Threads take long to import, and a single file does not need them.
     from camcal.workflows.parallel import each
 
-    with reporter.progress("Undistorting", len(images)) as advance:
-        return each(work, images, count, advance)
+    with reporter.progress(label, len(jobs)) as advance:
+        return each(work, jobs, count, advance)
 
 
 def _do_video(job: Job, undistorter: Undistorter, note: Note, reporter: Reporter) -> Outcome:
