@@ -44,4 +44,7 @@ class QualityError(CamcalError):
 
 
 INTERRUPTED_EXIT_CODE = 130
-"""What the command line leaves with after Ctrl-C."""
+"""What the command line leaves with after Ctrl-C (SIGINT)."""
+
+TERMINATED_EXIT_CODE = 143
+"""What it leaves with after SIGTERM, cleaned up as after Ctrl-C."""

@@ -7,11 +7,14 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
+from videos import make_video
 
 from camcal.cli import main
 
@@ -151,16 +154,17 @@ def test_numbers_are_whole_on_a_narrow_terminal(dataset, calibrated):
     assert narrow.split() == wide.split()
 
 
-def interrupted(arguments: list[object], begun) -> str:
-    """Send Ctrl-C to a command once `begun()` is true; return what it wrote to stderr."""
+def interrupted(arguments: list[object], begun, sent: signal.Signals = signal.SIGINT, times: int = 1) -> str:
+    """Send Ctrl-C, or another signal, to a command once `begun()` is true; return what it wrote to stderr."""
     process = subprocess.Popen([*CAMCAL, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 60
     while not begun() and time.monotonic() < deadline:
         assert process.poll() is None, process.communicate()
         time.sleep(0.005)
-    process.send_signal(signal.SIGINT)
+    for _ in range(times):
+        process.send_signal(sent)
     _, err = process.communicate(timeout=60)
-    assert process.returncode == 130
+    assert process.returncode == 128 + sent
     return err
 
 
@@ -207,6 +211,57 @@ def test_ctrl_c_of_undistort(many_images, dataset, tmp_path):
     check_interrupted(err, out)
     assert 0 < len(list(out.iterdir())) < 600
     assert not (out / "camera.yaml").exists()
+
+
+@pytest.fixture(scope="module")
+def long_video(tmp_path_factory) -> Path:
+    """So many frames that undistorting them takes a while."""
+    path = tmp_path_factory.mktemp("long") / "long.mp4"
+    black = np.zeros((480, 640, 3), np.uint8)
+    return make_video(path, frames=120, size=(640, 480), options={"preset": "ultrafast"}, picture=lambda *_: black)
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("name", ["out", "out/new.mp4"])
+def test_a_video_half_written_is_removed(long_video, dataset, tmp_path, sent, name):
+    """Ended by Ctrl-C or by the system, which may ask twice: one line, an exit code of its own, nothing left."""
+    out = tmp_path / "out"
+    command = ["undistort", long_video, "--camera", dataset, "-o", tmp_path / name, "--preset", "veryslow"]
+    times = 2 if sent == signal.SIGTERM else 1
+    err = interrupted(command, lambda: any(out.glob(".camcal-*.tmp")), sent, times)
+    assert err == "camcal: interrupted; every file that was written is whole.\n"
+    assert [path.name for path in out.rglob("*") if path.suffix in {".tmp", ".mp4"}] == []
+
+
+def test_sigterm_of_undistort(many_images, dataset, tmp_path):
+    """As Ctrl-C: every image whole, no temporary file, exit code 128 + 15."""
+    out = tmp_path / "u"
+    command = ["undistort", many_images, "--camera", dataset, "-o", out, "-j", "1"]
+    check_interrupted(interrupted(command, lambda: any(out.glob("*.png")), signal.SIGTERM), out)
+    assert not (out / "camera.yaml").exists()
+
+
+def test_sigterm_stays_the_caller_s_affair(capsys):
+    """What a caller does about it is left alone, and as it was afterwards; on another thread no handler is set."""
+    seen: list[object] = []
+
+    def note(*_: object) -> None:
+        seen.append("noted")
+
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    assert main(["--version"]) == 0
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+    thread = threading.Thread(target=lambda: seen.append(main(["--version"])))
+    thread.start()
+    thread.join()
+    signal.signal(signal.SIGTERM, note)
+    try:
+        assert main(["--version"]) == 0
+        assert signal.getsignal(signal.SIGTERM) is note
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    assert seen == [0]
+    assert capsys.readouterr().err == ""
 
 
 def test_ctrl_c_of_demo(tmp_path):

@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import NoReturn
 
-from camcal.errors import INTERRUPTED_EXIT_CODE
+from camcal.errors import INTERRUPTED_EXIT_CODE, TERMINATED_EXIT_CODE
+
+
+class Terminated(KeyboardInterrupt):
+    """The system asks to end: cleaned up after as after Ctrl-C."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -21,15 +29,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _replace_closed_streams()
     try:
-        # Start-up is mostly this import, so that Ctrl-C has to be expected here too.
-        from camcal.cli.app import run
+        with _termination_raised():
+            # Start-up is mostly this import, so that Ctrl-C has to be expected here too.
+            from camcal.cli.app import run
 
-        return run(sys.argv[1:] if arguments is None else arguments)
-    except KeyboardInterrupt:
+            return run(sys.argv[1:] if arguments is None else arguments)
+    except KeyboardInterrupt as interrupt:
         from camcal.cli.console import complain
 
         complain("interrupted; every file that was written is whole.")
-        return INTERRUPTED_EXIT_CODE
+        return TERMINATED_EXIT_CODE if isinstance(interrupt, Terminated) else INTERRUPTED_EXIT_CODE
+
+
+@contextmanager
+def _termination_raised() -> Iterator[None]:
+    """Raise `Terminated` where SIGTERM would end the process at once; do nothing where it is ignored or a caller's affair."""
+    if signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+        yield
+        return
+    # On any thread but the main one no handler can be set.
+    with suppress(ValueError):
+        signal.signal(signal.SIGTERM, _terminate)
+    try:
+        yield
+    finally:
+        with suppress(ValueError):
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _terminate(number: int, _: FrameType | None) -> NoReturn:
+    """Unwind, once: some senders send it twice, and the second one would interrupt the cleaning."""
+    signal.signal(number, signal.SIG_IGN)
+    raise Terminated
 
 
 def _replace_closed_streams() -> None:

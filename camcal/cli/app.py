@@ -93,7 +93,8 @@ def _show_version(context: click.Context, _: click.Parameter, wanted: bool) -> N
 def cli(context: click.Context) -> None:
     """Calibrate cameras from photographs of a printed board, and take the lens out of images.
 
-    Exit codes: 0 done, 2 bad input, 3 too few boards found, 4 not solvable, 5 result not to be trusted, 130 interrupted.
+    Exit codes: 0 done, 2 bad input, 3 too few boards found, 4 not solvable, 5 result not to be trusted, 130 interrupted,
+    143 terminated.
     """
     if context.invoked_subcommand is None:
         click.echo(context.get_help(), err=True)
