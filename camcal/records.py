@@ -106,6 +106,8 @@ class Intrinsics:
         Difference of halves of the views over its prediction, about 1 if the uncertainty is honest; NaN where unknown.
     verdict : Verdict or None
         None if nobody judged it.
+    cautions : tuple of str
+        What the file that it was read from says and a camera cannot hold, for whoever uses it; nothing that is saved.
     """
 
     camera: Camera
@@ -120,6 +122,7 @@ class Intrinsics:
     uncertainty: Uncertainty | None = None
     cross_validation: float = float("nan")
     verdict: Verdict | None = None
+    cautions: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         count = len(self.free)

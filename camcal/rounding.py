@@ -7,6 +7,8 @@ from collections.abc import Sequence
 
 _MOST_DECIMALS = 9
 """More decimals than this are unreadable in a column; such numbers are written with 12 significant digits."""
+_DIGITS_OF_UNKNOWN = 6
+"""Significant digits of a number whose standard deviation is not known."""
 _LONGEST_GIVEN = 9
 """Significant digits of a number that a person may have chosen; longer ones are computed."""
 
@@ -42,9 +44,14 @@ def rounded(value: float, sigma: float, sign: str = "") -> str:
     --------
     >>> rounded(912.3686, 0.0516), rounded(0.060937308, 0.000165), rounded(-0.0314, 0.0516, "+")
     ('912.369', '0.06094', '-0.031')
+    >>> rounded(912.36861234, float("nan"))
+    '912.369'
     """
     count = decimals(sigma)
-    return format(value, f"{sign}.12g" if count is None else f"{sign}.{count}f")
+    if count is not None:
+        return format(value, f"{sign}.{count}f")
+    known = math.isfinite(sigma) and sigma > 0
+    return format(value, f"{sign}.{12 if known else _DIGITS_OF_UNKNOWN}g")
 
 
 def as_given(value: float, sigma: float) -> str:

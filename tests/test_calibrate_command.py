@@ -89,7 +89,7 @@ def test_calibrate_with_undistort(run, dataset, tmp_path):
     code, *_ = run("calibrate", dataset / "images", "--board", dataset / "board.yaml", "-o", tmp_path / "calib", "--undistort")
     assert code == 0
     written = sorted(p.name for p in (tmp_path / "calib/undistorted").iterdir())
-    assert written == ["camera.yaml", *(f"view_{i:04d}.png" for i in range(8))]
+    assert written == ["camera.yaml", "undistorted.csv", *(f"view_{i:04d}.png" for i in range(8))]
     camera = yaml.safe_load((tmp_path / "calib/undistorted/camera.yaml").read_text())
     assert camera["distortion_coefficients"]["data"] == [0] * 5
 

@@ -55,6 +55,8 @@ def summary(printed):
         (912.4, 3e-13, "912.4", "3e-13"),
         (912.4, 0.0, "912.4", "0"),
         (912.4, NAN, "912.4", "-"),
+        (0.00107908653494, NAN, "0.00107909", "-"),
+        (912.36861234, 0.0, "912.369", "0"),
     ],
 )
 def test_values_have_the_digits_of_their_sigma(value, sigma, shown, its_sigma):

@@ -100,7 +100,7 @@ def test_calibrate(sigma, level, capsys):
 
 @pytest.mark.parametrize("sigma", SPREADS.values(), ids=SPREADS)
 def test_verify(sigma, capsys):
-    """Parameters, projection and views; numbers in full where no standard deviation says how many digits matter."""
+    """Parameters, projection and views; six digits where no standard deviation says how many matter."""
     values = CAMERA.intrinsics.tolist()
     errors = [ParameterError(n, v, v * 1.0123456, sigma) for n, v in zip(CAMERA.intrinsic_names, values, strict=True) if v]
     difference = ProjectionDifference(np.zeros((2, 2)), np.array([[123456.7, 0], [0, 0]]), np.zeros(3), 0.0)

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from exchange_corners import BOARD, SIZE, agree, views
+from messages import one_line
 
 from camcal.boards.spec import parse_board
 from camcal.errors import InputError
@@ -131,6 +132,25 @@ def test_what_a_format_cannot_hold_is_refused(tmp_path):
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(InputError, match="Did you mean 'matlab'"):
         format_of("c.csv", "mathlab")
+
+
+@pytest.mark.parametrize(
+    ("to", "name", "told"),
+    [
+        ("matlab", "c.mat", "c.mat: not an ending of MATLAB's imagePoints as a matrix (got '.mat', expected .csv)."),
+        ("matlab", "c.m", "(got '.m', expected .csv)."),
+        ("vnl", "c.mat", "c.mat: not an ending of mrcal's corners.vnl (got '.mat', expected .vnl)."),
+        ("vnl", "c.csv", "(got '.csv', expected .vnl)."),
+        ("csv", "c.txt", "c.txt: not an ending of camcal's corners.csv (got '.txt', expected .csv)."),
+        ("csv", "c", "(got 'none', expected .csv)."),
+    ],
+)
+def test_an_ending_of_another_format_is_refused(run, calibrated, tmp_path, to, name, told):
+    """Text of one kind never gets the name of another, which `calibrate` and MATLAB would take it for: exit code 2."""
+    code, out, err = run("export", calibrated / "corners.csv", "--to", to, "-o", tmp_path / name)
+    assert (code, out) == (2, "")
+    assert one_line(err).endswith(told)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_calibrate_takes_them_and_finds_the_same_camera(run, calibrated, tmp_path):

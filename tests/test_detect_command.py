@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 from pathlib import Path
 
+import click
 import cv2
 import numpy as np
 import pytest
@@ -251,6 +253,22 @@ def test_the_table_fits_80_columns(run, dataset, tmp_path):
     assert "    blurred: its edges are" in out
     heads = [line for line in out.splitlines() if line.startswith(("image", "a.png", "b.png", "c.png"))]
     assert len({len(line) for line in heads}) == 1
+
+
+@pytest.mark.parametrize("terminal", [False, True])
+def test_columns_stand_below_each_other_for_long_names(run, dataset, tmp_path, monkeypatch, terminal):
+    """In a pipe names stay whole and the columns move over together; on a terminal names are cut and the table fits."""
+    image = sorted((dataset / "images").iterdir())[0]
+    names = ["a.png", f"{'left_front_' * 6}0.png"]
+    for name in names:
+        shutil.copy(image, tmp_path / name)
+    monkeypatch.setattr("camcal.cli.style.is_terminal", lambda stream: terminal and stream is sys.stdout)
+    code, out, _ = run("detect", *(tmp_path / name for name in names), "--board", BOARD)
+    table = [click.unstyle(line) for line in out.split("\n\n")[0].splitlines()]
+    assert (code, len(table)) == (0, 3)
+    assert len({len(line) for line in table}) == 1
+    assert (len(table[0]) <= 80) == terminal
+    assert (names[1] in table[2]) != terminal
 
 
 def test_json_tells_the_same(run, dataset, tmp_path):

@@ -16,6 +16,7 @@ import click
 import cv2
 import numpy as np
 import pytest
+import skimage.io
 from every_command import COMMANDS
 
 import camcal
@@ -124,6 +125,23 @@ def test_the_tutorial_runs(tmp_path, monkeypatch, capsys):
     for block in blocks("tutorial.md", "python"):
         exec(block, given)
     np.testing.assert_allclose(given["rays"], given["points"], atol=1e-9)
+
+
+def test_maps_are_read_as_the_page_says(tmp_path, monkeypatch):
+    """What is in maps.npz goes into cv2.remap; OpenCV does not read maps.tiff, whose two channels are the same."""
+    monkeypatch.chdir(tmp_path)
+    camera = camcal.Camera((64, 48), [[52, 0, 32.2], [0, 52.3, 23.6], [0, 0, 1]], [-0.18, 0.06])
+    image = np.random.default_rng(0).integers(0, 255, (48, 64), dtype=np.uint8)
+    Path("photos").mkdir()
+    cv2.imwrite("photos/a.png", image)
+    camcal.undistort("photos", camera, "undistorted", maps=True)
+    maps = np.load("undistorted/maps.npz")
+    straight = cv2.remap(image, maps["map_x"], maps["map_y"], cv2.INTER_LINEAR)
+    written = cv2.imread("undistorted/a.png", cv2.IMREAD_UNCHANGED)
+    assert np.abs(straight.astype(int) - written).max() <= 8  # positions in 1/32 of a pixel
+    assert cv2.imread("undistorted/maps.tiff", cv2.IMREAD_UNCHANGED) is None
+    pair = skimage.io.imread("undistorted/maps.tiff")
+    np.testing.assert_array_equal(pair, np.dstack([maps["map_x"], maps["map_y"]]))
 
 
 def test_the_tutorial_reads_the_whole_report():

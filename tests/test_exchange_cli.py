@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
+import subprocess
 from pathlib import Path
 
 import cv2
@@ -11,6 +13,7 @@ import numpy as np
 import pytest
 from exchange_cameras import CAMERAS, same, saved
 from loaded_modules import loaded_by
+from messages import one_line
 
 from camcal.cli.export import FORMATS as NAMES
 from camcal.formats.camera_file import load_intrinsics
@@ -36,6 +39,13 @@ def test_export_to_standard_output(run, tmp_path, name):
     assert [path.name for path in tmp_path.iterdir()] == [source.name]
 
 
+def test_the_help_of_export_tells_formats_apart(run):
+    """Which are of cameras, which of boards, which of corners."""
+    _, out, _ = run("export", "-h")
+    text = " ".join(out.split())
+    assert f"Of cameras: {', '.join(NAMES)}; of boards: kalibr, camcal; of corners: csv, vnl, matlab." in text
+
+
 def test_there_and_back(run, tmp_path):
     """A file for another tool, and the camera file that comes back."""
     source = saved(tmp_path, "webcam")
@@ -48,12 +58,88 @@ def test_there_and_back(run, tmp_path):
     assert back.name == "front"
 
 
+def piped(content: str | bytes) -> Path:
+    """A pipe that holds a file, as a shell's `<(...)` names it; it can be read only once."""
+    reading, writing = os.pipe()
+    os.write(writing, content.encode() if isinstance(content, str) else content)
+    os.close(writing)
+    return Path(f"/dev/fd/{reading}")
+
+
+needs_pipes = pytest.mark.skipif(not Path("/dev/fd").is_dir(), reason="no names for pipes on this system")
+
+
+@needs_pipes
+@pytest.mark.parametrize("name", [*(name for name in NAMES if name != "lensfun"), "camcal"])
+def test_cameras_come_from_pipes(run, tmp_path, name):
+    """A pipe is read only once, whatever the format, and gives what the file gives."""
+    source = saved(tmp_path, "radtan")
+    content = source.read_text() if name == "camcal" else export_camera(source, name).content
+    code, out, err = run("verify", piped(content), "--truth", source, "--max-diff", "1e-6", "--json")
+    assert (code, err) == (0, "")
+    assert json.loads(out)["projection_difference_px"]["max"] < 1e-9
+    assert run("import", piped(content), "-o", tmp_path / "back.yaml")[0] == 0
+    same(CAMERAS["radtan"], load_intrinsics(tmp_path / "back.yaml").camera, 2)
+
+
+@needs_pipes
+def test_a_pipe_takes_the_place_of_every_camera_file(run, tmp_path):
+    """Undistort and export read one too; an endless or an empty one is refused."""
+    source = saved(tmp_path, "radtan")
+    image = tmp_path / "photo.png"
+    cv2.imwrite(str(image), np.random.default_rng(0).integers(0, 255, (720, 1280), dtype=np.uint8))
+    for camera, out in ((source, tmp_path / "a"), (piped(export_camera(source, "ros").content), tmp_path / "b")):
+        assert run("undistort", image, "--camera", camera, "-o", out)[0] == 0
+    assert (tmp_path / "a/photo.png").read_bytes() == (tmp_path / "b/photo.png").read_bytes()
+    assert run("export", piped(source.read_text()), "--to", "kalibr")[1] == run("export", source, "--to", "kalibr")[1]
+    code, _, err = run("export", piped(""), "--to", "ros")
+    assert (code, ": empty file (0 bytes)" in one_line(err)) == (2, True)
+    with subprocess.Popen(["yes"], stdout=subprocess.PIPE) as endless:
+        code, _, err = run("export", f"/dev/fd/{endless.stdout.fileno()}", "--to", "ros")
+        endless.kill()
+    assert (code, ": too big (got more than 64000000 bytes" in one_line(err)) == (2, True)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_export_is_piped_into_import(run, tmp_path, monkeypatch, name):
+    """`camcal export A --to FORMAT | camcal import - -o B`: the camera comes back, and its faults name standard input."""
+    source = saved(tmp_path, "one focal")
+    _, out, _ = run("export", source, "--to", name)
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(out.encode())))
+    options = ("--size", "1280x720", "--max-refit-px", 10) if name == "lensfun" else ()
+    code, _, err = run("import", "-", "-o", tmp_path / "back.yaml", *options)
+    assert code == 0, err
+    back = load_intrinsics(tmp_path / "back.yaml").camera
+    assert back.size == CAMERAS["one focal"].size
+    if name != "lensfun":
+        same(CAMERAS["one focal"], back, 2)
+
+
+def test_what_is_wrong_with_standard_input(run, tmp_path, monkeypatch):
+    """Nothing, no camera, and a line that is wrong: exit code 2, one line each, which says where."""
+    for content, told in (
+        (b"", "standard input: empty file"),
+        (b"type: checkerboard\n", "standard input:1: not a camera of a known format (got a YAML file with type"),
+        (b"image_width: 4\nimage_height: 3\nK: [1, 2]\n", "standard input:3: K: wrong number of values"),
+    ):
+        monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(content)))
+        code, _, err = run("import", "-", "-o", tmp_path / "back.yaml")
+        assert (code, told in one_line(err)) == (2, True), err
+    monkeypatch.setattr("sys.stdin", None)
+    code, _, err = run("import", "-", "-o", tmp_path / "back.yaml")
+    assert (code, "standard input: closed" in one_line(err)) == (2, True)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_exit_codes(run, tmp_path):
     """2 for what cannot be used, 5 for what would not be the same camera; nothing is left behind by either."""
     source = saved(tmp_path, "webcam")
     out = tmp_path / "out.yaml"
     for arguments, code, message in (
         (("export", source, "--to", "kalbir"), 2, "Did you mean 'kalibr'?"),
+        (("export", source, "--to", "camcal"), 2, "camcal is a format of boards (got a camera, expected colmap, json, kalibr,"),
+        (("export", source, "--to", "camcal"), 2, "camcal's own is what camcal import -o camera.yaml writes."),
+        (("export", source, "--to", "csv"), 2, "--to: csv is a format of corners (got a camera, expected colmap,"),
         (("export", tmp_path / "none.yaml", "--to", "ros", "-o", out), 2, "no such file"),
         (("export", source, "--to", "kalibr", "-o", out, "--no-refit"), 5, "cannot hold k3: refitted, it differs by up to 1."),
         (("export", source, "--to", "kalibr", "-o", out, "--max-refit-px", 0.1), 5, "more than --max-refit-px 0.1"),

@@ -7,15 +7,18 @@ import subprocess
 import numpy as np
 import pytest
 from exchange_cameras import CAMERAS, K, same, saved
-from exchange_samples import FILES, SAMPLES, write
+from exchange_samples import FILES, OST, ROS_MESSAGE, SAMPLES, write
 from messages import Listener
+from undistort_files import make_images
 
 from camcal.errors import InputError
 from camcal.formats.camera_file import load_intrinsics
 from camcal.formats.exchange.table import FORMATS
 from camcal.verdict import Finding, Verdict
+from camcal.workflows.arrays import load_camera
 from camcal.workflows.export import export_camera
 from camcal.workflows.import_ import import_camera
+from camcal.workflows.verify import verify
 
 # These move the principal point by half a pixel or a whole one: the last bit of it may be lost each way.
 MOVED = {"colmap": 2, "nerfstudio": 2, "matlab": 2}
@@ -142,3 +145,52 @@ def test_what_is_not_to_be_trusted_stays_so(tmp_path):
     assert "# NOT TO BE TRUSTED: RMS 9 px" in str(done.content)
     assert "RMS 9 px" in reporter.warnings[0]
     assert "# NOT TO BE TRUSTED: RMS 9 px" in str(export_camera(tmp_path / "webcam.yaml", "kalibr", reporter=reporter).content)
+
+
+BINNED = "binning_x: images of this camera are binned 2x1, which is not applied: it is read as the camera of full images. "
+CUT_OUT = (
+    "roi: images of this camera are its window of 320x240 pixels at (100, 50), "
+    "which is not applied: it is read as the camera of full images. "
+)
+
+
+@pytest.mark.parametrize("sample", [ROS_MESSAGE, OST], ids=["message", "file"])
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        ("binning_x: 2\nbinning_y: 0\n", [BINNED]),
+        ("roi: {x_offset: 100, y_offset: 50, height: 240, width: 320, do_rectify: false}\n", [CUT_OUT]),
+        (
+            "binning_x: 2\nroi: {x_offset: 0, y_offset: 0, height: 240, width: 320}\n",
+            [BINNED, "roi: images of this camera are its window of 320x240 pixels at (0, 0)"],
+        ),
+        ("binning_x: 0\nbinning_y: 1\nroi: {x_offset: 0, y_offset: 0, height: 0, width: 0}\n", []),
+        ("roi: {x_offset: 0, y_offset: 0, height: 480, width: 640}\n", []),
+        ("binning_x: [1]\nbinning_y: true\nroi: {x_offset: a, width: -3}\n", []),
+        ("roi: none\n", []),
+    ],
+)
+def test_binned_and_cut_out_images_of_ros_are_told(run, tmp_path, sample, more, told):
+    """K belongs to images of full resolution: who has others is told so by every command; full ones are silent."""
+    path = tmp_path / "info.yaml"
+    path.write_text(sample + more)
+    reporter = Listener()
+    import_camera(path, tmp_path / "camera.yaml", reporter=reporter)
+    load_camera(path, reporter=reporter)
+    export_camera(path, "colmap", reporter=reporter)
+    verify(path, tmp_path / "camera.yaml", reporter=reporter)
+    assert len(reporter.warnings) == 4 * len(told), reporter.warnings
+    lines = [f"{path}:{sample.count(chr(10)) + 1 + index}: {start}" for index, start in enumerate(told)]
+    for warned, start in zip(reporter.warnings, 4 * lines, strict=True):
+        assert warned.startswith(start), warned
+    photo = make_images(tmp_path, "photo.png", size=(640, 480)) / "photo.png"
+    for command, times in (
+        (("verify", path, "--truth", path), 2),
+        (("import", path, "-o", tmp_path / "again.yaml"), 1),
+        (("undistort", photo, "--camera", path, "-o", tmp_path / "flat"), 1),
+        (("undistort", photo, "--camera", path, "--target", path, "-o", tmp_path / "same"), 2),
+        (("undistort", photo, "--camera", path, "-o", tmp_path / "silent", "-qq"), 0),
+    ):
+        code, _, err = run(*command)
+        assert (code, err.count("camcal: warning: ")) == (0, times * len(told)), err
+    assert "cautions" not in (tmp_path / "camera.yaml").read_text()

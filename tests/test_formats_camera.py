@@ -145,6 +145,16 @@ def test_uncertainty_is_stored_as_standard_deviations_and_correlations() -> None
     assert not {"verdict", "findings", "uncertainty", "board_shape"} & known.keys()
 
 
+@pytest.mark.parametrize("wrong", ["[[1.0, .inf], [.inf, 1.0]]", "[[1.0, .inf], [-.inf, 1.0]]", "[[.inf, 0.5], [0.5, 1.0]]"])
+def test_infinite_correlations_are_one_line(tmp_path: Path, wrong: str) -> None:
+    """They are refused as any that are none, without a warning of numpy's before it."""
+    text = camera_yaml(example())
+    assert "[[1.0, 0.5], [0.5, 1.0]]" in text
+    (tmp_path / "camera.yaml").write_text(text.replace("[[1.0, 0.5], [0.5, 1.0]]", wrong))
+    with pytest.raises(InputError, match=r"camcal.correlations: not correlations \(expected"):
+        load_intrinsics(tmp_path)
+
+
 def test_a_verdict_stands_in_the_file_with_its_findings() -> None:
     """The word for a quick look, and each finding with what to do; the worst level makes the word."""
     notes = [

@@ -48,7 +48,7 @@ def made(tmp_path_factory) -> Made:
     folder = tmp_path_factory.mktemp("examples")
     (folder / "scene.yaml").write_text(SCENE)
     synth(folder / "scene.yaml", folder / "data")
-    calibrate([folder / "data/images"], "checkerboard:9x6:25mm", folder / "calib")
+    calibrate([folder / "data/images"], "checkerboard:9x6:25mm", folder / "calib", report=False)
     return Made(folder / "data", folder / "calib")
 
 

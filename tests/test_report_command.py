@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 
 import cv2
 import pytest
@@ -12,6 +13,7 @@ from report_pages import noisy_file
 from scenes import BOARD, detections, poses
 
 from camcal.errors import InputError
+from camcal.formats.camera_file import load_intrinsics, save_intrinsics
 from camcal.formats.corners_file import save_corners
 from camcal.report.figures.catalogue import FIGURES
 from camcal.workflows.calibrate import calibrate
@@ -90,6 +92,9 @@ def test_what_is_no_calibration_is_refused(run, calibrated, dataset, tmp_path):
     shutil.copytree(calibrated, tmp_path / "four")
     shutil.copy(tmp_path / "two/board.yaml", tmp_path / "three/board.yaml")
     (tmp_path / "four/board.yaml").write_text("type: checkerboard\ncolumns: 3\nrows: 3\nsquare_m: 0.02\n")
+    shutil.copytree(calibrated, tmp_path / "five")
+    known = load_intrinsics(calibrated)
+    save_intrinsics(tmp_path / "five/camera.yaml", replace(known, camera=known.camera.scaled((320, 240))))
     cases = {
         tmp_path / "nowhere": "no such folder",
         calibrated / "camera.yaml": "a file (expected a calibration's folder)",
@@ -97,6 +102,7 @@ def test_what_is_no_calibration_is_refused(run, calibrated, dataset, tmp_path):
         tmp_path / "one": "residuals that camera.yaml and views.yaml do not give",
         tmp_path / "three": "used views without used corners in corners.csv",
         tmp_path / "four": "is not on the board",
+        tmp_path / "five": "another image size than camera.yaml's (got 640x480, expected 320x240)",
     }
     for path, said in cases.items():
         code, _, err = run("report", path)

@@ -19,6 +19,7 @@ def test_verify_writes_a_page(run, calibrated, dataset, tmp_path):
     reason = err.strip().removeprefix("camcal: verify: ")
     assert " ".join(reason.split()) in " ".join(pages["failed"].text["body"][0].split())
     assert all(reference["href"].startswith(("#", "data:")) for page in pages.values() for reference in page.all("link"))
+    assert pages["compared"].text["th"][:6] == ["name", "true", "recovered", "difference", "± std. dev.", "in std. dev."]
     cells = pages["compared"].text["td"]
     assert "520" in cells
     assert "-0.18" in cells

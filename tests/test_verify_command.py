@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 
 from messages import one_line
 
 from camcal.formats.camera_file import load_intrinsics, save_intrinsics
+from camcal.geometry.camera import Camera
 from camcal.records import Intrinsics
+from camcal.rounding import spread
 
 
 def test_verify_gates(run, dataset, calibrated):
@@ -34,3 +37,26 @@ def test_verify_of_camera_files(run, dataset, calibrated, tmp_path):
     assert code == 2
     assert "640x480" in one_line(err)
     assert "320x240" in one_line(err)
+
+
+def test_the_standard_deviation_stands_beside_what_it_is_of(run, dataset, calibrated):
+    """Beside the estimate where the truth is exact; beside the difference, and wider, where the truth is an estimate too."""
+    _, out, _ = run("verify", calibrated, "--truth", dataset)
+    assert "recovered ± std. dev.   difference   in" in out
+    _, out, _ = run("verify", calibrated, "--truth", calibrated)
+    assert "recovered   difference ± std. dev.   in" in out
+    known = load_intrinsics(calibrated)
+    line = next(line.split() for line in out.splitlines() if line.startswith(" fx "))
+    assert line[-3:] == ["±", spread(math.sqrt(2) * known.sigma["fx"]), "+0.00"]
+
+
+def test_numbers_of_unknown_spread_are_short(run, dataset, tmp_path):
+    """Six digits of each parameter where neither file has standard deviations: 0.00107908653494 is not what anybody reads."""
+    camera = load_intrinsics(dataset).camera
+    dist, longer = camera.dist.copy(), [[1.0000123456789, 1, 1], [1, 1, 1], [1, 1, 1]]
+    dist[2] = 0.00107908653494
+    save_intrinsics(tmp_path / "camera.yaml", Intrinsics(Camera(camera.size, camera.K * longer, dist)))
+    _, out, _ = run("verify", tmp_path / "camera.yaml", "--truth", dataset)
+    lines = {line.split()[0]: line.split()[1:] for line in out.splitlines() if line.startswith((" fx ", " p1 "))}
+    assert lines["fx"] == ["520", "520.006", "±", "-", "+0.0064", "-"]
+    assert lines["p1"] == ["0", "0.00107909", "±", "-", "+0.0011", "-"]

@@ -74,10 +74,11 @@ def _print_views(run: DetectionRun) -> None:
     """Print a row for each image, and under it what is to be said of it."""
     rows = [(view, _cells(view, run.board.feature_count), _notes(view, run)) for view in run.views]
     room = WIDTH - _COLUMN * len(_HEADER)
-    width = min(room, max(len("image"), *(len(view.source) for view, *_ in rows)))
+    names = [fitted(view.source, room) for view, *_ in rows]
+    width = max(map(len, ("image", *names)))
     say(style.heading(_row("image", _HEADER, width)))
-    for view, cells, notes in rows:
-        say(_row(fitted(view.source, width), cells, width))
+    for name, (_, cells, notes) in zip(names, rows, strict=True):
+        say(_row(name, cells, width))
         for note in notes:
             say(wrapped(note, _NOTE_INDENT, _NOTE_INDENT))
     say("")

@@ -26,7 +26,17 @@ _ONLY_FOR = {
 
 @click.command(cls=options.Command, epilog="Example: camcal export calib/ --to kalibr -o camchain.yaml")
 @click.argument("camera")
-@click.option("--to", required=True, type=click.Choice(_EVERY_FORMAT, case_sensitive=False), help="The format to write.")
+@click.option(
+    "--to",
+    required=True,
+    type=click.Choice(_EVERY_FORMAT, case_sensitive=False),
+    metavar="NAME",
+    help="; ".join(
+        f"{what} {', '.join(names)}"
+        for what, names in (("The format. Of cameras:", FORMATS), ("of boards:", _OF_BOARDS), ("of corners:", _OF_CORNERS))
+    )
+    + ".",
+)
 @click.option("-o", "--output", metavar="FILE", help="File to write.  [default: standard output]")
 @click.option("--max-refit-px", default=3.0, show_default=True, metavar="PX", help="Largest difference a refit may leave.")
 @click.option("--no-refit", is_flag=True, help="Fail (exit code 5) where the format cannot hold the camera as it is.")

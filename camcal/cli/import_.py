@@ -40,9 +40,9 @@ def import_(
 ) -> None:
     """Read another tool's camera and write it as a camera file.
 
-    FILE is a camera of ROS, OpenCV, Kalibr, COLMAP, mrcal, nerfstudio, MATLAB or lensfun, or camcal's own JSON. Every command
-    that takes a camera reads these files directly too; this one is for those that leave something open: which of several
-    cameras, its image size, or a lens that has to be refitted.
+    FILE is a camera of ROS, OpenCV, Kalibr, COLMAP, mrcal, nerfstudio, MATLAB or lensfun, or camcal's own JSON; - is
+    standard input. Every command that takes a camera reads these files directly too; this one is for those that leave
+    something open: which of several cameras, its image size, or a lens that has to be refitted.
     """
     from camcal.workflows.import_ import import_camera
 

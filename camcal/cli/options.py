@@ -31,7 +31,7 @@ refine = click.option(
     help="How corners are refined: by the template that a first solve predicts, a fitted saddle, or OpenCV.",
 )
 
-html = click.option("--html", metavar="FILE", help="Write the result as a page as well.")
+html = click.option("--html", metavar="FILE", help="Write the result as a page as well; only a page of camcal's is replaced.")
 
 plot_formats = click.option(
     "--plots-format",

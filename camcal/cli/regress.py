@@ -35,7 +35,7 @@ _LONGEST_NAME = 20
 @click.argument("configs", nargs=-1, metavar="[CONFIG]...")
 @click.option("--baseline", metavar="FILE", help="Figures to hold the run against, as JSON.")
 @click.option("--update-baseline", is_flag=True, help="Write this run's figures to the baseline instead.")
-@click.option("--junit", metavar="FILE", help="Write the results as JUnit XML as well.")
+@click.option("--junit", metavar="FILE", help="Write the results as JUnit XML as well; only JUnit XML is replaced.")
 @options.html
 @options.refine
 @options.jobs

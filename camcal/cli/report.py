@@ -10,7 +10,9 @@ from camcal.cli.console import ConsoleReporter, print_facts, print_json
 
 @click.command(cls=options.Command, epilog="Example: camcal report calib/ --images photos/ -o report.html --force")
 @click.argument("calibration")
-@click.option("-o", "--output", metavar="FILE", help="The page.  [default: report.html in the folder, replaced]")
+@click.option(
+    "-o", "--output", metavar="FILE", help="The page.  [default: report.html in the folder; an earlier page is replaced]"
+)
 @click.option("--images", metavar="DIR", help="Folder of the photographs.  [default: where views.yaml says]")
 @click.option("--plots", metavar="DIR", help="Write the figures as files as well, for papers.")
 @options.plot_formats

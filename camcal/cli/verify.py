@@ -34,8 +34,9 @@ def verify(
     """
     from camcal.workflows.verify import verify as compare
 
-    with ConsoleReporter().progress("Comparing", None):
-        result = compare(estimate, truth, max_diff_px=max_diff, max_sigma=max_sigma, html=html)
+    reporter = ConsoleReporter()
+    with reporter.progress("Comparing", None):
+        result = compare(estimate, truth, max_diff_px=max_diff, max_sigma=max_sigma, html=html, reporter=reporter)
     if as_json:
         print_json(result.as_dict())
     else:
@@ -46,19 +47,18 @@ def verify(
 
 def print_verification(result: Verification) -> None:
     """Print the parameters and the differences as tables."""
-    recovered = plus_minus([(e.estimate, e.sigma) for e in result.parameters])
     truth = point_in_line([as_given(e.truth, e.sigma) for e in result.parameters])
-    rows = [
-        (
-            e.name,
-            true,
-            text,
-            rounded(e.error, e.sigma, "+") if e.sigma > 0 else f"{e.error:+.2g}",
-            number(e.error_in_sigma, "+.2f"),
-        )
-        for e, true, text in zip(result.parameters, truth, recovered, strict=True)
-    ]
-    header = ("", "true", "recovered ± std. dev.", "difference", "in std. dev.")
+    if result.both_estimated:
+        header = ("", "true", "recovered", "difference ± std. dev.", "in std. dev.")
+        recovered = point_in_line([rounded(e.estimate, e.sigma) for e in result.parameters])
+        difference = plus_minus([(e.error, e.sigma) for e in result.parameters])
+    else:
+        header = ("", "true", "recovered ± std. dev.", "difference", "in std. dev.")
+        recovered = plus_minus([(e.estimate, e.sigma) for e in result.parameters])
+        difference = [rounded(e.error, e.sigma, "+") if e.sigma > 0 else f"{e.error:+.2g}" for e in result.parameters]
+    names = [e.name for e in result.parameters]
+    in_sigma = [number(e.error_in_sigma, "+.2f") for e in result.parameters]
+    rows = list(zip(names, truth, recovered, difference, in_sigma, strict=True))
     print_table("Parameters (fx, fy, cx, cy in pixels)", header, rows)
     p = result.projection
     over = [("projection difference (px)", f"{p.mean_px:.3g}", f"{p.p95_px:.3g}", f"{p.max_px:.3g}")]

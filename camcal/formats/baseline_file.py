@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from camcal.errors import InputError
-from camcal.formats.output import write_atomically
+from camcal.formats.output import claim_file, write_atomically
 from camcal.formats.text import read_text
 
 _LONGEST_FILE_BYTES = 10_000_000
 _DIGITS = 5
+_WRITE_ONE = " Write a baseline with --update-baseline."
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,17 +53,34 @@ def load_baseline(path: str | Path) -> Baseline:
     try:
         content = json.loads(read_text(path, _LONGEST_FILE_BYTES))
     except (json.JSONDecodeError, RecursionError) as error:
-        raise InputError(f"{path}: not a baseline ({error}). Write one with --update-baseline.") from None
+        raise InputError(f"{path}: not a baseline ({error}).{_WRITE_ONE}") from None
     scenarios = content.get("scenarios") if isinstance(content, dict) else None
     if not isinstance(scenarios, dict):
-        raise InputError(f"{path}: scenarios: missing mapping. Write a baseline with --update-baseline.")
+        raise InputError(f"{path}: scenarios: missing mapping.{_WRITE_ONE}")
     for name, figures in scenarios.items():
         if not isinstance(figures, dict):
-            raise InputError(f"{path}: {name}: not a mapping of figures. Write a baseline with --update-baseline.")
+            raise InputError(f"{path}: {name}: not a mapping of figures.{_WRITE_ONE}")
         for figure, value in figures.items():
             if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
                 raise InputError(f"{path}: {name}: {figure}: not a finite number (got {value!r}).")
     return Baseline(scenarios, str(path))
+
+
+def claim_baseline(path: str | Path) -> Path:
+    """Make sure that a baseline may be written or updated, before any work is done.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written, or exists and is no baseline.
+    """
+    if Path(path).is_file():
+        try:
+            load_baseline(path)
+        except InputError as error:
+            problem = str(error).removesuffix(_WRITE_ONE)
+            raise InputError(f"{problem} It is left as it is: choose another name, or remove it.") from None
+    return claim_file(path, force=True)
 
 
 def save_baseline(path: str | Path, baseline: Baseline) -> None:

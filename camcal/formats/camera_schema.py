@@ -163,7 +163,9 @@ def _covariance(
     if len(correlations) != count or any(len(row) != count for row in correlations):
         raise document.error(where, f"wrong shape (expected {count}x{count}, a row and a column for each parameter)")
     rho = np.array(correlations).reshape(count, count)
-    off = np.abs(rho - rho.T) > _SYMMETRY_TOLERANCE
+    # Infinity less itself is no number; that it is too large shows below.
+    with np.errstate(invalid="ignore"):
+        off = np.abs(rho - rho.T) > _SYMMETRY_TOLERANCE
     if off.any() or (np.abs(rho) > 1 + _SYMMETRY_TOLERANCE).any() or (np.abs(np.diag(rho) - 1) > _SYMMETRY_TOLERANCE).any():
         raise document.error(where, "not correlations (expected a symmetric matrix within [-1, 1] and 1 on its diagonal)")
     covariance: FloatArray = np.outer(sigmas, sigmas) * rho

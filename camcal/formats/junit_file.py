@@ -2,11 +2,25 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
-from camcal.formats.output import write_atomically
+from camcal.formats.output import claim_remade, write_atomically
+
+_JUNIT = re.compile(rb"(\xef\xbb\xbf)?\s*(<\?xml.*?\?>\s*)?(<!--.*?-->\s*)*<testsuites?[\s/>]", re.DOTALL)
+
+
+def claim_junit(path: str | Path) -> Path:
+    """Make sure that results may be written, before any work is done; those of an earlier run are replaced.
+
+    Raises
+    ------
+    InputError
+        If a file that is not JUnit's is there, or it cannot be written.
+    """
+    return claim_remade(path, lambda start: _JUNIT.match(start) is not None, "a JUnit file")
 
 
 def save_junit(path: str | Path, cases: Sequence[tuple[str, float, Sequence[str]]]) -> None:

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from camcal.errors import InputError
+
+_FIRST_BYTES = 4096
+"""How much of a file tells what it is."""
 
 
 def write_atomically(path: str | Path, content: bytes | str) -> None:
@@ -95,6 +99,36 @@ def claim_file(path: str | Path, force: bool = False) -> Path:
         raise _unwritable(file, error) from None
     claim_folder(file.parent, force=True)
     return file
+
+
+def claim_remade(path: str | Path, is_earlier: Callable[[bytes], bool], kind: str) -> Path:
+    """Make sure that a file which is made again and again may be written: an earlier one is replaced, nothing else is.
+
+    Parameters
+    ----------
+    path : str or Path
+    is_earlier : callable
+        Tells by its first bytes whether a file is an earlier one.
+    kind : str
+        What such a file is, for the message.
+
+    Raises
+    ------
+    InputError
+        If another file is there, it is a folder, or its folder cannot be written.
+    """
+    file = Path(path)
+    try:
+        if file.exists() and not file.is_dir() and not (file.is_file() and is_earlier(_first_bytes(file))):
+            raise InputError(f"{file}: output file exists and is not {kind}. Choose another name, or remove it.")
+    except OSError as error:
+        raise _unwritable(file, error) from None
+    return claim_file(file, force=True)
+
+
+def _first_bytes(file: Path) -> bytes:
+    with file.open("rb") as stream:
+        return stream.read(_FIRST_BYTES)
 
 
 def _unwritable(path: Path, error: OSError) -> InputError:

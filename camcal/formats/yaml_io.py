@@ -102,8 +102,25 @@ def load_yaml(path: str | Path) -> Document:
         If the file is missing, unreadable, too big, not text, empty, not valid YAML, not one document or not a mapping; if
         it has unknown tags, duplicate keys, keys that are not text, or nesting or aliases beyond what any such file needs.
     """
-    text = read_text(path, _LONGEST_FILE_BYTES)
-    name = str(path)
+    return parse_yaml(str(path), read_text(path, _LONGEST_FILE_BYTES))
+
+
+def parse_yaml(name: str, text: str) -> Document:
+    """Read YAML text that holds one mapping.
+
+    Parameters
+    ----------
+    name : str
+        The file as the user named it.
+    text : str
+
+    Raises
+    ------
+    InputError
+        As `load_yaml` does for the content of a file.
+    """
+    if len(text) > _LONGEST_FILE_BYTES:
+        raise InputError(f"{name}: too big (got {len(text)} characters, expected at most {_LONGEST_FILE_BYTES})")
     # OpenCV 4 writes a directive that is no YAML, and does without the `---` that one asks for.
     text = re.sub(r"\A%YAML:1\.\d+", "#", text)
     unprintable = yaml.reader.Reader.NON_PRINTABLE.search(text)

@@ -11,7 +11,6 @@ import numpy as np
 from camcal.boards.base import Board
 from camcal.errors import InputError
 from camcal.formats.board_file import load_board
-from camcal.formats.camera_file import load_intrinsics
 from camcal.geometry.camera import Camera
 from camcal.geometry.pose import Pose
 from camcal.observations import Detection, Image, Rejected
@@ -20,7 +19,8 @@ from camcal.synthesis.scenario import Light, Sensor
 from camcal.synthesis.sensor import expose
 from camcal.undistortion import maps
 from camcal.undistortion.target import target_camera
-from camcal.workflows.inputs import images_to_work_on
+from camcal.workflows.given import known_camera
+from camcal.workflows.inputs import check_image, images_to_work_on
 from camcal.workflows.observe import observe
 from camcal.workflows.reporting import LogReporter, Reporter, SilentReporter
 
@@ -36,7 +36,7 @@ def load_camera(path: str | Path, *, reporter: Reporter | None = None) -> Camera
     path : str or Path
         A camera file of any tool that camcal reads, or a folder that `calibrate` or `synth` wrote.
     reporter : Reporter, optional
-        Told if the file is marked as not to be trusted; the `camcal` logger by default.
+        Told if the file is marked as not to be trusted, or is about images of another size; the `camcal` logger by default.
 
     Returns
     -------
@@ -62,9 +62,10 @@ def load_camera(path: str | Path, *, reporter: Reporter | None = None) -> Camera
     >>> bool(np.allclose(seen.reshape(-1, 2), camera.project(points)))
     True
     """
-    known = load_intrinsics(path)
+    reporter = reporter or LogReporter()
+    known = known_camera(path, reporter)
     if known.problems:
-        (reporter or LogReporter()).warn(f"{path}: marked as not to be trusted: {known.problems[0]}")
+        reporter.warn(f"{path}: marked as not to be trusted: {known.problems[0]}")
     return known.camera
 
 
@@ -103,7 +104,8 @@ def render(
     Raises
     ------
     InputError
-        If the board is not wholly in front of the camera or turns its back to it, or the SPEC makes no sense.
+        If the board is not wholly in front of the camera or turns its back to it, or the SPEC, the pose or the sensor makes
+        no sense.
 
     Examples
     --------
@@ -115,10 +117,15 @@ def render(
     ((480, 640), dtype('uint8'))
     """
     recorder = sensor or Sensor()
+    if not isinstance(T_cam_board, Pose):
+        raise InputError(f"T_cam_board: not a pose (got {type(T_cam_board).__name__}). Make one: camcal.Pose(R, t).")
     target = load_board(board) if isinstance(board, str) else board
     blur, defocus = recorder.blur_sigma_px, recorder.defocus_radius_px
     ideal = render_ideal(camera, target, T_cam_board, light, blur_sigma_px=blur, defocus_radius_px=defocus)
-    return expose(ideal, recorder, np.random.default_rng(seed))
+    try:
+        return expose(ideal, recorder, np.random.default_rng(seed))
+    except ValueError as error:
+        raise InputError(str(error)) from None
 
 
 def detect_corners(image: Image, board: str | Board, *, name: str = "image", refine: str = "saddle") -> Detection | Rejected:
@@ -205,9 +212,8 @@ def undistort_image(
     Raises
     ------
     InputError
-        If an option is not one of the above, or `fill` is no value of such an image.
-    ValueError
-        If the image has another size than the camera, or is none.
+        If the image has another size than the camera or is none, an option is not one of the above, or `fill` is no value
+        of such an image.
 
     Examples
     --------
@@ -220,6 +226,10 @@ def undistort_image(
     >>> target.dist.any()
     np.False_
     """
+    check_image("image", image, channels=(1, 2, 3, 4))
+    if image.shape[1::-1] != camera.size:
+        got, expected = ("{}x{}".format(*size) for size in (image.shape[1::-1], camera.size))
+        raise InputError(f"image: not of the camera's size (got {got}, expected {expected}). Scale it: Camera.scaled.")
     chosen = _default_target(camera) if target is None else target
     return maps.undistort_image(image, _map(camera, chosen), interpolation=interpolation, fill=fill, gamma=gamma)
 

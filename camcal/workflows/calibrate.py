@@ -121,7 +121,7 @@ def calibrate(
     only_used: bool = False,
     size: tuple[int, int] | None = None,
     undistort: bool = False,
-    report: bool = False,
+    report: bool = True,
     plots: str | Path | None = None,
     plot_formats: Sequence[str] = PLOT_FORMATS,
     name: str = "camera",
@@ -140,7 +140,7 @@ def calibrate(
     board : str or Board
         A one-liner such as `checkerboard:9x6:25mm`, the name of a sample board, or a board file; or the board itself.
     output : path, optional
-        Folder for camera.yaml, views.yaml, corners.csv and board.yaml; nothing is written without it.
+        Folder for camera.yaml, views.yaml, corners.csv, board.yaml and report.html; nothing is written without it.
     distortion : str
         The free distortion coefficients, e.g. `k1,k2,k3`; the others stay 0. `auto` chooses the simplest lens that predicts
         held-out views as well as any.
@@ -165,7 +165,7 @@ def calibrate(
     undistort : bool
         Whether the undistorted images are written as well, to `undistorted/` in the output folder.
     report : bool
-        Whether the page `report.html` is written as well. The command line writes it unless told not to.
+        Whether the page `report.html` is written with the other files, which takes a second or two.
     plots : path, optional
         Folder to which the figures of the report are written as files, for papers.
     plot_formats : sequence of str
@@ -222,7 +222,7 @@ def calibrate(
         raise InputError(f"--refine: unknown (got {refine!r}, expected one of {', '.join(REFINEMENTS)}).")
     found = () if are_corners else images_to_work_on(cast(Images, images), reporter)
     folder = None if output is None else claim_folder(output, force=force)
-    figures = claim_figures(folder, page=report, plots=plots, formats=plot_formats, force=force)
+    figures = claim_figures(folder, plots=plots, formats=plot_formats, force=force)
     shape = (BOW if warp else ()) + (STRETCH if scale else ())
     solver = Solver(target, free, distortion == AUTO, shape, refine, anamorphic, jobs, reporter)
     refused: dict[str, tuple[str, ...]] = {}

@@ -6,23 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from camcal.formats.output import claim_file, write_atomically
+from camcal.formats.output import write_atomically
 from camcal.workflows.report import now
 
 if TYPE_CHECKING:
     from camcal.workflows.regress import Figure, Regression
     from camcal.workflows.verify import Verification
-
-
-def claim_page(html: str | Path | None) -> Path | None:
-    """Make sure that a page may be written, before any work is done; one that is there is replaced.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written.
-    """
-    return None if html is None else claim_file(html, force=True)
 
 
 def write_comparison(

@@ -17,6 +17,9 @@ from camcal.workflows.reporting import LogReporter, Reporter
 MAX_REFIT_PX = 3.0
 """Unless it is said otherwise, a camera that a format can only hold with a larger difference than this is not written."""
 
+_OF_OTHERS = {"camcal": "boards", "csv": "corners", "vnl": "corners"}
+_OWN = " A camera file of camcal's own is what camcal import -o camera.yaml writes."
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Exported:
@@ -103,6 +106,10 @@ def export_camera(
     Camera(640x480, fx=520, fy=523, cx=322, cy=236, k1=-0.18, k2=0.06)
     """
     reporter = reporter or LogReporter()
+    other = _OF_OTHERS.get(to.strip().lower())
+    if other is not None:
+        advice = _OWN if other == "boards" else ""
+        raise InputError(f"--to: {to} is a format of {other} (got a camera, expected {', '.join(sorted(FORMATS))}).{advice}")
     kind = format_named(to, "--to")
     for option, value in (("--crop-factor", crop_factor), ("--focal-mm", focal_mm), ("--max-refit-px", max_refit_px)):
         if value is not None and not value > 0:
@@ -113,7 +120,7 @@ def export_camera(
                 raise InputError(f"{option}: only for lensfun (got --to {to}). Leave it away.")
     path = None if output is None else Path(output)
     suffix = suffix_of(path, kind)
-    known, source = known_camera(camera), camera_name(camera)
+    known, source = known_camera(camera, reporter), camera_name(camera)
     if known.problems:
         reporter.warn(f"{source}: marked as not to be trusted: {known.problems[0]}")
     if path is not None:

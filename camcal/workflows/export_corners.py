@@ -51,7 +51,7 @@ def export_corners(
     corners : path
         A corners.csv or another CSV, mrcal's .vnl, or MATLAB's image points as text.
     output : path, optional
-        Where to write; without it nothing is written.
+        Where to write, with the format's ending: .csv, or .vnl for vnl; without it nothing is written.
     to : str, optional
         csv (camcal's own), vnl or matlab; told by the ending of the output if not given.
     board : str or Board, optional

@@ -8,13 +8,14 @@ from typing import TypeAlias
 from camcal.formats.camera_file import load_intrinsics
 from camcal.geometry.camera import Camera
 from camcal.records import Intrinsics
+from camcal.workflows.reporting import LogReporter, Reporter
 
 GivenCamera: TypeAlias = str | Path | Camera | Intrinsics
 """A camera file of any known format, a folder that `calibrate` or `synth` wrote, or the camera itself."""
 
 
-def known_camera(given: GivenCamera) -> Intrinsics:
-    """Return all that is known of a camera, which may have to be read first.
+def known_camera(given: GivenCamera, reporter: Reporter | None = None) -> Intrinsics:
+    """Return all that is known of a camera, which may have to be read first; pass on what its file says besides.
 
     Raises
     ------
@@ -23,7 +24,15 @@ def known_camera(given: GivenCamera) -> Intrinsics:
     """
     if isinstance(given, Camera):
         return Intrinsics(given)
-    return given if isinstance(given, Intrinsics) else load_intrinsics(given)
+    known = given if isinstance(given, Intrinsics) else load_intrinsics(given)
+    pass_on_cautions(known, reporter or LogReporter())
+    return known
+
+
+def pass_on_cautions(known: Intrinsics, reporter: Reporter) -> None:
+    """Tell what the file of a camera says that a camera cannot hold."""
+    for caution in known.cautions:
+        reporter.warn(caution)
 
 
 def camera_path(given: GivenCamera | None) -> Path | None:

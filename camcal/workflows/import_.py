@@ -7,13 +7,17 @@ from pathlib import Path
 
 from camcal.errors import InputError, QualityError
 from camcal.formats.camera_file import CAMERA_FILE_NAME, save_intrinsics, split_choice
+from camcal.formats.exchange.loaded import load_file, load_standard_input
 from camcal.formats.exchange.reading import chosen, read_cameras, with_size
 from camcal.formats.exchange.refit import from_foreign
 from camcal.formats.output import claim_file
 from camcal.formats.text import file_in
 from camcal.records import Intrinsics
 from camcal.workflows.export import MAX_REFIT_PX
+from camcal.workflows.given import pass_on_cautions
 from camcal.workflows.reporting import LogReporter, Reporter
+
+_STANDARD_INPUT = "-"
 
 
 def import_camera(
@@ -34,7 +38,7 @@ def import_camera(
     Parameters
     ----------
     path : path
-        A file of ROS, OpenCV, Kalibr, COLMAP, mrcal, nerfstudio, MATLAB, lensfun, or camcal's JSON.
+        A file of ROS, OpenCV, Kalibr, COLMAP, mrcal, nerfstudio, MATLAB, lensfun, or camcal's JSON; `-` for standard input.
     output : path, optional
         Camera file to write; without it nothing is written.
     file_format : str, optional
@@ -52,7 +56,7 @@ def import_camera(
     force : bool
         Whether an existing file is replaced.
     reporter : Reporter, optional
-        Where the difference that a refit leaves is told.
+        Where the difference that a refit leaves is told, and what the file says that a camera file does not hold.
 
     Returns
     -------
@@ -79,21 +83,24 @@ def import_camera(
     if not max_refit_px > 0:
         raise InputError(f"--max-refit-px: out of range (got {max_refit_px:g}, expected more than 0).")
     file, choice = (Path(path), camera) if camera is not None else split_choice(path)
-    file = file_in(file, CAMERA_FILE_NAME)
-    _, cameras = read_cameras(file, file_format)
-    found = with_size(file, chosen(file, cameras, choice, how="Choose one with --camera NAME."), size)
+    loaded = load_standard_input() if str(path) == _STANDARD_INPUT else load_file(file_in(file, CAMERA_FILE_NAME))
+    cameras = read_cameras(loaded, file_format)
+    found = with_size(loaded.name, chosen(loaded.name, cameras, choice, how="Choose one with --camera NAME."), size)
     known = found.intrinsics()
     if name is not None:
         known = replace(known, name=name)
+    pass_on_cautions(known, reporter)
     if output is not None:
         claim_file(output, force=force)
     if found.foreign is not None:
         fit = from_foreign(known.camera, found.foreign)
         text = f"{found.foreign.name} is not camcal's lens: refitted, it differs by {fit.told}"
         if not refit:
-            raise QualityError(f"{file}: {text}. Leave out --no-refit.")
+            raise QualityError(f"{loaded.name}: {text}. Leave out --no-refit.")
         if fit.max_px > max_refit_px:
-            raise QualityError(f"{file}: {text}, more than --max-refit-px {max_refit_px:g}. Raise it to take it all the same.")
+            raise QualityError(
+                f"{loaded.name}: {text}, more than --max-refit-px {max_refit_px:g}. Raise it to take it all the same."
+            )
         reporter.warn(f"{text}.")
         known = Intrinsics(fit.camera, known.name)
     if output is not None:

@@ -25,6 +25,7 @@ Seen = Sequence[Detection | Rejected]
 """Views in which the board has been looked for already."""
 
 _PIXELS = ("uint8", "uint16", "float32")
+_CHANNELS = (1, 3, 4)
 
 
 def images_to_work_on(inputs: Images, reporter: Reporter) -> tuple[ImageFile, ...]:
@@ -48,9 +49,17 @@ def images_to_work_on(inputs: Images, reporter: Reporter) -> tuple[ImageFile, ..
 
 
 def as_paths(inputs: Images | Seen) -> list[str | Path]:
-    """Return the paths among the inputs as a list, also where there is only one."""
+    """Return the paths among the inputs as a list, also where there is only one.
+
+    Raises
+    ------
+    InputError
+        If the inputs are nothing that could be images.
+    """
     if isinstance(inputs, (str, Path)):
         return [inputs]
+    if not isinstance(inputs, Iterable):
+        raise _no_image("images", inputs)
     return [given for given in inputs if isinstance(given, (str, Path))] if not isinstance(inputs, Mapping) else []
 
 
@@ -78,22 +87,63 @@ def _in_memory(inputs: Images) -> list[tuple[str, Image]] | None:
     """Return the images that are in memory with their names; None if they are in files."""
     if isinstance(inputs, Mapping):
         return [(str(name), pixels) for name, pixels in inputs.items()]
-    if isinstance(inputs, (str, Path)) or not any(isinstance(given, np.ndarray) for given in inputs):
+    if isinstance(inputs, (str, Path)) or all(isinstance(given, (str, Path)) for given in inputs):
         return None
-    arrays = [given for given in inputs if isinstance(given, np.ndarray)]
-    if len(arrays) < len(inputs):
+    _refuse_one_image(inputs)
+    held = [(f"image_{index:04d}", given) for index, given in enumerate(inputs) if not isinstance(given, (str, Path))]
+    for name, pixels in held:
+        check_image(name, pixels)
+    if len(held) < len(inputs):
         raise InputError("images: arrays and paths among them (got a mixture). Pass one kind.")
-    return [(f"image_{index:04d}", pixels) for index, pixels in enumerate(arrays)]
+    return held
 
 
-def _held_image(name: str, pixels: Image) -> ImageFile:
-    """Check that an array is an image."""
-    channels = pixels.shape[2] if pixels.ndim == 3 else 1
-    if pixels.dtype.name not in _PIXELS or pixels.ndim not in (2, 3) or channels not in (1, 3, 4) or not pixels.size:
+def _refuse_one_image(inputs: object) -> None:
+    """Refuse an array that is one image instead of a stack of several, each row of which would pass for an image."""
+    if isinstance(inputs, np.ndarray) and (inputs.ndim < 3 or (inputs.ndim == 3 and inputs.shape[2] in _CHANNELS)):
+        raise InputError(
+            f"images: one array (got {inputs.dtype} of shape {inputs.shape}, expected several images). "
+            "Pass a list of arrays, or a dict of them by name."
+        )
+
+
+def check_image(name: str, pixels: object, channels: Sequence[int] = _CHANNELS) -> None:
+    """Check that an array is an image.
+
+    Parameters
+    ----------
+    name : str
+        What it is called, for the message.
+    pixels : ndarray of shape (height, width) or (height, width, channels)
+    channels : sequence of int
+        How many it may have.
+
+    Raises
+    ------
+    InputError
+        If it is none, such as what `cv2.imread` returns for a file that it cannot read.
+    """
+    if not isinstance(pixels, np.ndarray):
+        raise _no_image(name, pixels)
+    count = pixels.shape[2] if pixels.ndim == 3 else 1
+    known = pixels.dtype.name in _PIXELS and pixels.dtype.isnative
+    if not known or pixels.ndim not in (2, 3) or count not in channels or not pixels.size:
         raise InputError(
             f"{name}: not an image (got {pixels.dtype} of shape {pixels.shape}, expected {', '.join(_PIXELS)} of shape "
             "(height, width) or (height, width, 3), blue first)."
         )
+
+
+def _no_image(name: str, got: object) -> InputError:
+    """Build the error for something that is not even an array."""
+    if got is None:
+        return InputError(f"{name}: no image (got None); cv2.imread returns None for a file that it cannot read.")
+    return InputError(f"{name}: not an image (got {type(got).__name__}, expected an array).")
+
+
+def _held_image(name: str, pixels: Image) -> ImageFile:
+    """Take an array for a file."""
+    check_image(name, pixels)
     return ImageFile(Path(name), name, named=True, pixels=pixels)
 
 

@@ -14,9 +14,10 @@ from camcal.compare.parameters import parameter_errors
 from camcal.compare.projection import predicted_difference_px, projection_difference
 from camcal.compare.views import closest_corners
 from camcal.errors import InputError
-from camcal.formats.baseline_file import Baseline, load_baseline, save_baseline
+from camcal.formats.baseline_file import Baseline, claim_baseline, load_baseline, save_baseline
 from camcal.formats.corners_file import load_corners
-from camcal.formats.junit_file import save_junit
+from camcal.formats.junit_file import claim_junit, save_junit
+from camcal.formats.page_file import claim_page
 from camcal.formats.scenario_file import load_scenario
 from camcal.geometry.arrays import FloatArray
 from camcal.observations import Detection
@@ -27,7 +28,7 @@ from camcal.synthesis.poses import sample_pose
 from camcal.synthesis.render import render_ideal
 from camcal.synthesis.scenario import Scenario
 from camcal.workflows.calibrate import CalibrationRun, calibrate
-from camcal.workflows.comparison_report import claim_page, write_suite
+from camcal.workflows.comparison_report import write_suite
 from camcal.workflows.parallel import each
 from camcal.workflows.reporting import LogReporter, ProgressOnly, Reporter, SilentReporter
 from camcal.workflows.synth import IMAGES, scenario_file, synth
@@ -148,9 +149,9 @@ def regress(
     update_baseline : bool
         Whether the baseline is written from this run instead.
     junit : path, optional
-        Where to write the results as JUnit XML as well.
+        Where to write the results as JUnit XML as well; earlier ones are replaced, any other file is refused.
     html : path, optional
-        Where to write them as a page as well; a file that is there is replaced.
+        Where to write them as a page as well; one that camcal wrote is replaced, any other file is refused.
     refine : str
         How corners are refined, as for `calibrate`.
     jobs : int, optional
@@ -165,20 +166,26 @@ def regress(
     Raises
     ------
     InputError
-        If a config or the baseline cannot be used, or the baseline lacks a scenario.
+        If a config or the baseline cannot be used, the baseline lacks a scenario, or an output would replace something else.
     CamcalError
         If a scenario cannot be calibrated at all.
     """
     reporter = reporter or LogReporter()
     if update_baseline and baseline is None:
         raise InputError("--update-baseline: needs --baseline FILE to write to.")
-    page = claim_page(html)
+    if junit is not None:
+        claim_junit(junit)
+    page = None if html is None else claim_page(html)
     scenarios = [scenario_file(config) for config in configs] or [config_path(name) for name in config_names()]
     loaded = [load_scenario(path) for path in scenarios]
     names = [scenario.name for scenario in loaded]
     if len(set(names)) < len(names):
         raise InputError(f"regress: two scenarios of one name (got {', '.join(names)}). Give each its own.")
-    known = load_baseline(baseline) if baseline is not None and not update_baseline else None
+    known = None
+    if baseline is not None and update_baseline:
+        claim_baseline(baseline)
+    elif baseline is not None:
+        known = load_baseline(baseline)
     if known is not None:
         known.check_holds(names)
     results = []

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import camcal
 from camcal.errors import CamcalError, InputError
 from camcal.formats.output import claim_file, claim_folder, write_atomically
+from camcal.formats.page_file import claim_page
 from camcal.report.record import Record
 from camcal.workflows.photographs import photographs, places
 from camcal.workflows.reporting import LogReporter, Reporter
@@ -71,7 +72,7 @@ def make_report(
     folder : path
         What `calibrate` wrote.
     output : path, optional
-        File to write; by default `report.html` in the folder, which is replaced.
+        File to write; by default `report.html` in the folder, where an earlier page is replaced.
     images : path, optional
         Folder with the photographs, where they are not where views.yaml says.
     plots : path, optional
@@ -101,7 +102,7 @@ def make_report(
     >>> poses = [camcal.Pose.from_rvec(turn, (-0.06, -0.05, 0.25)) for turn in turns]
     >>> images = [camcal.render(camera, "checkerboard:7x6:20mm", pose) for pose in poses]
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     _ = camcal.calibrate(images, "checkerboard:7x6:20mm", f"{folder}/calib")
+    ...     _ = camcal.calibrate(images, "checkerboard:7x6:20mm", f"{folder}/calib", report=False)
     ...     camcal.make_report(f"{folder}/calib").page.name
     'report.html'
     """
@@ -110,7 +111,10 @@ def make_report(
     check_is_calibration(where)
     if images is not None and not Path(images).is_dir():
         raise InputError(f"--images: no such folder (got {images}). Name the folder that holds the photographs.")
-    page = claim_file(where / REPORT_FILE_NAME, force=True) if output is None else claim_file(output, force=force)
+    if output is None and not force:
+        page = claim_page(where / REPORT_FILE_NAME)
+    else:
+        page = claim_file(output or where / REPORT_FILE_NAME, force=force)
     figures = None if plots is None else claim_plots(plots, plot_formats, force=force)
     restored = restore(where)
     missing = write_report(restored, where, page, images=images, jobs=jobs, reporter=reporter)
@@ -118,17 +122,15 @@ def make_report(
     return Report(page, written, missing)
 
 
-def claim_figures(
-    folder: Path | None, *, page: bool, plots: str | Path | None, formats: Sequence[str], force: bool
-) -> Path | None:
-    """Make sure that a calibration about to be made can be shown as it is to be; return the folder for its figures.
+def claim_figures(folder: Path | None, *, plots: str | Path | None, formats: Sequence[str], force: bool) -> Path | None:
+    """Make sure that the figures of a calibration about to be made can be written; return their folder.
 
     Raises
     ------
     InputError
     """
-    if folder is None and (page or plots is not None):
-        raise InputError("report: needs an output folder (got none). Pass one, or neither report nor plots.")
+    if folder is None and plots is not None:
+        raise InputError("plots: needs an output folder (got none). Pass one, or no plots.")
     return None if plots is None else claim_plots(plots, formats, force=force)
 
 

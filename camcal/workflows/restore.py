@@ -119,9 +119,10 @@ def _gathered(folder: Path, known: Intrinsics, views: Sequence[ViewRecord], tabl
         )
     sizes = {seen.size for seen, _, _ in kept}
     if sizes != {known.camera.size}:
+        got, expected = ("{}x{}".format(*size) for size in (min(sizes - {known.camera.size}), known.camera.size))
         raise InputError(
-            f"{folder / 'corners.csv'}: another image size than camera.yaml's (got {sorted(sizes)[0]}, "
-            f"expected {known.camera.size}). The files are of different calibrations: calibrate again."
+            f"{folder / 'corners.csv'}: another image size than camera.yaml's (got {got}, "
+            f"expected {expected}). The files are of different calibrations: calibrate again."
         )
     poses = [used[seen.source].T_cam_board for seen, _, _ in kept]
     return Calibration(

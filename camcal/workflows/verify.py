@@ -11,9 +11,11 @@ from camcal.compare.views import PosedView, ViewErrors, view_errors
 from camcal.errors import InputError
 from camcal.formats.board_file import load_board
 from camcal.formats.corners_file import load_corners
+from camcal.formats.page_file import claim_page
 from camcal.formats.views_file import load_views
-from camcal.workflows.comparison_report import claim_page, write_comparison
+from camcal.workflows.comparison_report import write_comparison
 from camcal.workflows.given import GivenCamera, camera_name, camera_path, known_camera
+from camcal.workflows.reporting import Reporter
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,12 +31,15 @@ class Verification:
         Corner and pose errors; None unless both sides are folders with views in common.
     problems : tuple of str
         One line for each gate that failed, and for each reason why the estimate itself must not be trusted.
+    both_estimated : bool
+        Whether both cameras have standard deviations, so that those of the parameters are their differences'.
     """
 
     projection: ProjectionDifference
     parameters: tuple[ParameterError, ...]
     views: ViewErrors | None
     problems: tuple[str, ...]
+    both_estimated: bool = False
 
     def as_dict(self) -> dict[str, object]:
         """Return everything as plain values, for JSON."""
@@ -60,6 +65,7 @@ def verify(
     max_diff_px: float | None = None,
     max_sigma: float | None = None,
     html: str | Path | None = None,
+    reporter: Reporter | None = None,
 ) -> Verification:
     """Compare an estimate with the truth.
 
@@ -73,7 +79,9 @@ def verify(
     max_sigma : float, optional
         Gate: the largest error of a solved parameter in its standard deviations.
     html : path, optional
-        Where to write the result as a page as well; a file that is there is replaced.
+        Where to write the result as a page as well; one that camcal wrote is replaced, any other file is refused.
+    reporter : Reporter, optional
+        Told what the files of the cameras say besides.
 
     Returns
     -------
@@ -100,8 +108,8 @@ def verify(
     for option, limit in (("--max-diff", max_diff_px), ("--max-sigma", max_sigma)):
         if limit is not None and not limit > 0:
             raise InputError(f"{option}: out of range (got {limit:g}, expected more than 0).")
-    page = claim_page(html)
-    estimated, true = known_camera(estimate), known_camera(truth)
+    page = None if html is None else claim_page(html)
+    estimated, true = known_camera(estimate, reporter), known_camera(truth, reporter)
     projection = projection_difference(true.camera, estimated.camera)
     parameters = parameter_errors(true, estimated)
     if max_sigma is not None and not estimated.free:
@@ -115,7 +123,8 @@ def verify(
         _sigma_problem(parameters, max_sigma),
     )
     views = _compare_views(camera_path(estimate), camera_path(truth))
-    found = Verification(projection, parameters, views, tuple(problem for problem in problems if problem))
+    failed = tuple(problem for problem in problems if problem)
+    found = Verification(projection, parameters, views, failed, both_estimated=bool(true.free and estimated.free))
     if page is not None:
         gates = {"--max-diff": max_diff_px, "--max-sigma": max_sigma}
         write_comparison(page, found, (camera_name(estimate), camera_name(truth)), true.camera.size, gates)

@@ -35,7 +35,7 @@ class CornerFormat:
     what : str
         What it is, for people.
     suffix : str
-        Usual ending of its files.
+        Ending of its files.
     grids_only : bool
         Whether it holds the corners of checkerboards only.
     text : callable
@@ -94,24 +94,27 @@ def format_of(path: str | Path, name: str | None = None) -> CornerFormat:
     Parameters
     ----------
     path : str or Path
-        Its ending decides if there is no name.
+        Its ending decides if there is no name, and has to be the format's if there is one; empty for no file.
     name : str, optional
         One of `FORMATS`.
 
     Raises
     ------
     InputError
-        If there is no such format, or the ending tells none.
+        If there is no such format, or the ending tells none or is another's: what reads the file goes by it.
     """
+    suffix = Path(path).suffix.lower()
     if name is None:
-        suffix = Path(path).suffix.lower()
         if suffix not in _WRITTEN:
             raise InputError(f"{path}: not a file for corners (got {shown(suffix)}, expected {' or '.join(_WRITTEN)})")
         name = _WRITTEN[suffix]
     if name not in FORMATS:
         problem = f"--to: unknown format of corners (got {shown(name)}, expected one of {', '.join(FORMATS)})."
         raise InputError(problem + did_you_mean(name, FORMATS))
-    return FORMATS[name]
+    found = FORMATS[name]
+    if path and suffix != found.suffix:
+        raise InputError(f"{path}: not an ending of {found.what} (got {shown(suffix or 'none')}, expected {found.suffix}).")
+    return found
 
 
 def check_holds(corner_format: CornerFormat, path: str | Path, board: Board) -> None:

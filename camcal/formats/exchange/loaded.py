@@ -11,8 +11,8 @@ from typing import Any, Literal
 from camcal.errors import InputError
 from camcal.formats.exchange.json_in import parse_json
 from camcal.formats.exchange.xml_in import Element, parse_xml
-from camcal.formats.text import read_bytes, read_text
-from camcal.formats.yaml_io import Document, KeyPath, describe, load_yaml
+from camcal.formats.text import STANDARD_INPUT, decoded, read_bytes, read_standard_input
+from camcal.formats.yaml_io import Document, KeyPath, describe, parse_yaml
 
 MOST_BYTES = 64_000_000
 _PROBE_BYTES = 4096
@@ -68,12 +68,26 @@ def load_file(path: str | Path) -> Loaded:
     InputError
         If it cannot be read or is not valid for what it seems to be; says `file:line` where there are lines.
     """
-    name = str(path)
-    content = read_bytes(path, MOST_BYTES)
+    return _taken_apart(str(path), read_bytes(path, MOST_BYTES))
+
+
+def load_standard_input() -> Loaded:
+    """Read what is piped into the program and find out its syntax.
+
+    Raises
+    ------
+    InputError
+        As `load_file` does.
+    """
+    return _taken_apart(STANDARD_INPUT, read_standard_input(MOST_BYTES))
+
+
+def _taken_apart(name: str, content: bytes) -> Loaded:
+    """Find out the syntax of a file's content."""
     empty = Document(name, {}, {})
     if b"\0" in content[:_PROBE_BYTES]:
         return Loaded(name, "binary", content, "", empty)
-    text = read_text(path, MOST_BYTES)
+    text = decoded(name, content)
     start = _COMMENTS.sub("", text, count=1)
     if start.startswith("<"):
         return Loaded(name, "xml", content, text, empty, parse_xml(name, text.encode()))
@@ -83,17 +97,17 @@ def load_file(path: str | Path) -> Loaded:
         return Loaded(name, "json", content, text, parse_json(name, text))
     if _TABLE_LINE.match(start) or _SCRIPT.search(text):
         return Loaded(name, "lines" if _TABLE_LINE.match(start) else "script", content, text, empty)
-    document = _parse_yaml(path)
+    document = _parse_yaml(name, text)
     return Loaded(name, "text" if document is None else "yaml", content, text, document or empty)
 
 
-def _parse_yaml(path: str | Path) -> Document | None:
+def _parse_yaml(name: str, text: str) -> Document | None:
     """Read YAML; None if the file is none and its name does not say that it is."""
     try:
-        return load_yaml(path)
+        return parse_yaml(name, text)
     except InputError:
         # A text that was never meant to be YAML has no line to correct.
-        if Path(path).suffix.lower() in _YAML_SUFFIXES:
+        if Path(name).suffix.lower() in _YAML_SUFFIXES:
             raise
     return None
 

@@ -22,6 +22,7 @@ from camcal.formats.exchange.profile import (
     xml_comment,
 )
 from camcal.formats.exchange.values import numbers, whole
+from camcal.formats.exchange.window import cautions_of
 from camcal.formats.exchange.xml_in import Element
 from camcal.formats.yaml_io import Document, KeyPath, describe, resolve
 from camcal.formats.yaml_plain import float_text
@@ -139,7 +140,10 @@ def _camera(document: Document, name: str, K_key: str, dist_key: str | None) -> 
     if zero != 0 or last != [0, 0, 1]:
         problem = f"not an intrinsic matrix (got {describe(K)}, expected [fx, s, cx, 0, fy, cy, 0, 0, 1])"
         raise document.error((K_key,), problem)
-    return checked(document, (K_key,), Exchanged(name, Pinhole(fx, fy, cx, cy, skew), tuple(dist[:8]), _size(document)))
+    size = _size(document)
+    # ROS's messages have these names.
+    camera = Exchanged(name, Pinhole(fx, fy, cx, cy, skew), tuple(dist[:8]), size, cautions=cautions_of(document, size))
+    return checked(document, (K_key,), camera)
 
 
 def _dist_key(document: Document) -> str | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 from xml.sax.saxutils import escape
 
@@ -127,6 +127,8 @@ class Exchanged:
         Why the camera cannot be used, raised when it is chosen; the rest is undefined then.
     known : Intrinsics or None
         All that is known of it, from files of camcal's own.
+    cautions : tuple of str
+        What the file says and a camera cannot hold, for whoever uses it.
     sized : callable or None
         Builds the camera for an image size, where the file's numbers are relative to it; all but the name is undefined then.
     """
@@ -138,13 +140,14 @@ class Exchanged:
     foreign: ForeignLens | None = None
     fault: InputError | None = None
     known: Intrinsics | None = None
+    cautions: tuple[str, ...] = ()
     sized: Callable[[tuple[int, int]], Exchanged] | None = None
 
     def intrinsics(self) -> Intrinsics:
         """Return all that is known of the camera; its image size must be."""
         if self.size is None:
             raise ValueError("no image size")
-        return self.known or Intrinsics(self.camera(self.size), self.name)
+        return replace(self.known or Intrinsics(self.camera(self.size), self.name), cautions=self.cautions)
 
     def camera(self, size: tuple[int, int]) -> Camera:
         """Build the camera for an image size; a foreign lens is left out."""

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from camcal.errors import InputError
 from camcal.formats.camera_file import split_choice
-from camcal.formats.exchange.loaded import load_file
+from camcal.formats.exchange.loaded import Loaded, load_file
 from camcal.formats.exchange.profile import Exchanged
-from camcal.formats.exchange.table import FORMATS, Format, format_named
+from camcal.formats.exchange.table import FORMATS, format_named
 from camcal.nearest import did_you_mean
 from camcal.records import Intrinsics
 
@@ -33,7 +33,7 @@ def read_any(path: str | Path) -> Intrinsics:
         If it cannot be used, or something about it has to be decided first.
     """
     file, choice = split_choice(path)
-    _, cameras = read_cameras(file)
+    cameras = read_cameras(load_file(file))
     camera = chosen(file, cameras, choice, how=f"Name one: {file}#NAME")
     named = shlex.quote(str(path))
     if camera.sized is not None or camera.size is None:
@@ -46,43 +46,43 @@ def read_any(path: str | Path) -> Intrinsics:
     return camera.intrinsics()
 
 
-def read_cameras(path: str | Path, file_format: str | None = None) -> tuple[Format, list[Exchanged]]:
+def read_cameras(loaded: Loaded, file_format: str | None = None) -> list[Exchanged]:
     """Read every camera of a file.
 
     Parameters
     ----------
-    path : str or Path
+    loaded : Loaded
     file_format : str, optional
         Name of the format, for a file that does not show it.
 
     Returns
     -------
-    format : Format
-    cameras : list of Exchanged
+    list of Exchanged
         At least one.
 
     Raises
     ------
     InputError
-        If the file cannot be read, is of no known kind, or is not right.
+        If the file is of no known kind, or is not right.
     """
     given = None if file_format is None else format_named(file_format, "--from")
-    loaded = load_file(path)
     known = given or next((candidate for candidate in FORMATS.values() if candidate.matches(loaded)), None)
     if known is None:
         titles = ", ".join(sorted(FORMATS))
         kind = _KINDS.get(loaded.syntax, f"a {loaded.syntax} file")
         keys = f" with {', '.join(list(loaded.data)[:5])}" if loaded.data else ""
-        raise InputError(f"{path}:1: not a camera of a known format (got {kind}{keys}, expected one of camcal, {titles}).")
-    return known, known.read(loaded)
+        raise InputError(
+            f"{loaded.name}:1: not a camera of a known format (got {kind}{keys}, expected one of camcal, {titles})."
+        )
+    return known.read(loaded)
 
 
-def chosen(file: Path, cameras: Sequence[Exchanged], choice: str | None, *, how: str) -> Exchanged:
+def chosen(file: str | Path, cameras: Sequence[Exchanged], choice: str | None, *, how: str) -> Exchanged:
     """Return the camera of a name, or the only one.
 
     Parameters
     ----------
-    file : Path
+    file : str or Path
     cameras : sequence of Exchanged
     choice : str or None
     how : str
@@ -109,7 +109,7 @@ def chosen(file: Path, cameras: Sequence[Exchanged], choice: str | None, *, how:
     return camera
 
 
-def with_size(file: Path, camera: Exchanged, size: tuple[int, int] | None) -> Exchanged:
+def with_size(file: str | Path, camera: Exchanged, size: tuple[int, int] | None) -> Exchanged:
     """Return a camera that has an image size: the file's, or the one that is told.
 
     Raises

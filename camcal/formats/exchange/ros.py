@@ -5,6 +5,7 @@ from __future__ import annotations
 from camcal.formats.camera_schema import intrinsics_of
 from camcal.formats.exchange.loaded import Loaded
 from camcal.formats.exchange.profile import COEFFICIENTS, Exchanged, Outgoing, Pinhole, Profile
+from camcal.formats.exchange.window import cautions_of
 from camcal.formats.yaml_dump import dump_yaml
 
 PROFILE = Profile("ros", "ROS's camera_info", (COEFFICIENTS[:5], COEFFICIENTS), (".yaml", ".yml"))
@@ -25,7 +26,9 @@ def read(loaded: Loaded) -> list[Exchanged]:
     known = intrinsics_of(loaded.document)
     fx, fy, cx, cy, skew = known.camera.intrinsics[:5].tolist()
     dist = tuple(known.camera.dist.tolist())
-    return [Exchanged(known.name, Pinhole(fx, fy, cx, cy, skew), dist, known.camera.size, known=known)]
+    size = known.camera.size
+    cautions = cautions_of(loaded.document, size)
+    return [Exchanged(known.name, Pinhole(fx, fy, cx, cy, skew), dist, size, known=known, cautions=cautions)]
 
 
 def write(outgoing: Outgoing) -> str:
