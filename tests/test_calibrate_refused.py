@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from messages import one_line
 
 from camcal.boards.checkerboard import Checkerboard
 from camcal.formats.corners_file import save_corners
@@ -203,6 +204,18 @@ def test_existing_output_needs_force(run, dataset, tmp_path):
     assert "--force" in err
     assert run("calibrate", dataset / "images", "--board", BOARD, "-o", output, "--force")[0] == 0
     assert (output / "mine.txt").read_text() == "keep"
+
+
+@pytest.mark.parametrize("name", ["board.yaml", "camera.yaml", "corners.csv", "report.html", "views.yaml"])
+def test_a_folder_where_a_result_should_be(run, calibrated, tmp_path, name):
+    """Exit code 2 and one line that names it, with --force too; it stays, and there is no camera that would claim success."""
+    odd = tmp_path / "o" / name
+    odd.mkdir(parents=True)
+    code, _, err = run("calibrate", calibrated / "corners.csv", "--board", BOARD, "-o", tmp_path / "o", "--force")
+    assert code == 2
+    assert f"{odd}: " in one_line(err)
+    assert odd.is_dir()
+    assert not (tmp_path / "o/camera.yaml").is_file()
 
 
 def test_output_that_cannot_be_written(run, dataset, tmp_path):

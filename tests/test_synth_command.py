@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
+import pytest
 import yaml
 from every_command import COMMANDS
 from messages import one_line
@@ -63,3 +65,17 @@ def test_synth_force_leaves_no_view_of_an_earlier_dataset(run, scene_file, tmp_p
     assert run("synth", shorter, "-o", folder)[0] == 2
     assert run("synth", shorter, "-o", folder, "--force")[0] == 0
     assert sorted(p.name for p in (folder / "images").iterdir()) == ["mine.txt", *(f"view_{i:04d}.png" for i in range(3))]
+
+
+@pytest.mark.parametrize(
+    ("name", "make"), [("camera.yaml", Path.mkdir), ("images", Path.touch), ("images/view_0000.png", None)]
+)
+def test_synth_does_not_stumble_over_folders_and_files(run, scene_file, tmp_path, name, make):
+    """A folder where a file should be, or a file where a folder should, is exit code 2 and one line, with --force too."""
+    odd = tmp_path / "data" / name
+    odd.parent.mkdir(parents=True)
+    (make or Path.mkdir)(odd)
+    code, _, err = run("synth", scene_file, "-o", tmp_path / "data", "--force")
+    assert code == 2
+    assert f"{odd}: a f" in one_line(err)
+    assert odd.exists()

@@ -43,6 +43,31 @@ def write_atomically(path: str | Path, content: bytes | str) -> None:
         raise _unwritable(target, error) from None
 
 
+def remove_file(path: str | Path) -> None:
+    """Remove a file, if it is there.
+
+    Raises
+    ------
+    InputError
+        If it cannot be removed, or is a folder.
+    """
+    file = Path(path)
+    try:
+        if file.is_dir() and not file.is_symlink():
+            raise InputError(f"{file}: a folder stands where a file should be. Choose another folder.")
+        file.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{file}: cannot be removed ({(error.strerror or str(error)).lower()}). Remove it.") from None
+
+
+def holds(path: str | Path, content: bytes) -> bool:
+    """Tell whether a file is there and has this content."""
+    try:
+        return Path(path).read_bytes() == content
+    except OSError:
+        return False
+
+
 def claim_folder(path: str | Path, force: bool = False) -> Path:
     """Make sure that a folder exists, may be written to, and holds nothing that would be lost.
 

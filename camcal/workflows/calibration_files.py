@@ -12,9 +12,10 @@ import numpy as np
 
 from camcal.errors import InputError
 from camcal.formats.board_file import save_board
-from camcal.formats.camera_file import save_intrinsics
+from camcal.formats.camera_file import CAMERA_FILE_NAME, save_intrinsics
 from camcal.formats.corners_file import save_corners
 from camcal.formats.images import ImageFile
+from camcal.formats.output import remove_file
 from camcal.formats.views_file import VIEWS_FILE_NAME, load_views_and_options, save_views
 from camcal.geometry.arrays import BoolArray, FloatArray
 from camcal.observations import Calibration, Detection, Outlier
@@ -72,13 +73,12 @@ def write_calibration(run: CalibrationRun, origin: Origin, folder: Path) -> None
         If a file cannot be written.
     """
     calibration = run.calibration
-    (folder / "camera.yaml").unlink(missing_ok=True)
-    if (folder / REPORT_FILE_NAME).is_file():
-        (folder / REPORT_FILE_NAME).unlink()
+    for earlier in (CAMERA_FILE_NAME, REPORT_FILE_NAME):
+        remove_file(folder / earlier)
     save_board(folder / "board.yaml", run.board)
     save_corners(folder / "corners.csv", *candidates(calibration))
     save_views(folder / VIEWS_FILE_NAME, view_records(run, origin.paths, folder), origin.options)
-    save_intrinsics(folder / "camera.yaml", run.intrinsics)
+    save_intrinsics(folder / CAMERA_FILE_NAME, run.intrinsics)
 
 
 def view_records(run: CalibrationRun, paths: Mapping[str, Path], folder: Path) -> tuple[ViewRecord, ...]:

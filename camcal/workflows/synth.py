@@ -12,7 +12,7 @@ from camcal.formats.board_file import save_board
 from camcal.formats.camera_file import save_intrinsics
 from camcal.formats.corners_file import save_corners
 from camcal.formats.images import write_image
-from camcal.formats.output import claim_folder
+from camcal.formats.output import claim_folder, remove_file
 from camcal.formats.scenario_file import load_scenario
 from camcal.formats.views_file import save_views
 from camcal.observations import Detection
@@ -89,10 +89,10 @@ def synth(
     folder = Path(output)
     claim_folder(folder, force=force)
     images = folder / IMAGES
-    images.mkdir(exist_ok=True)
+    claim_folder(images, force=True)
     # Truth and views of an earlier dataset must not mix with these, not even if this run is interrupted.
     for stale in [folder / "camera.yaml", *(path for path in images.iterdir() if _VIEW_NAME.fullmatch(path.name))]:
-        stale.unlink(missing_ok=True)
+        remove_file(stale)
 
     def render(index: int) -> tuple[Detection, ViewRecord]:
         view = render_view(scenario, index)

@@ -6,11 +6,10 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from camcal.errors import InputError
 from camcal.formats.camera_file import camera_yaml
 from camcal.formats.images import write_image
 from camcal.formats.ledger_file import Ledger
-from camcal.formats.output import write_atomically
+from camcal.formats.output import holds, remove_file, write_atomically
 from camcal.records import Intrinsics
 from camcal.undistortion.maps import UndistortMap, dense_map, valid_mask
 from camcal.workflows.reporting import Reporter
@@ -70,7 +69,7 @@ class Companions:
             If something cannot be removed.
         """
         camera = self.place.camera_file
-        is_same = _holds(camera, camera_yaml(self.intrinsics).encode())
+        is_same = holds(camera, camera_yaml(self.intrinsics).encode())
         doubtful = []
         for name in (_MASK, _MAPS_NPZ, _MAPS_TIFF):
             path = self.place.companion(name)
@@ -78,11 +77,11 @@ class Companions:
             if name in results or made_with == key or not is_there(path):
                 continue
             if made_with is not None:
-                _remove(path)
+                remove_file(path)
             elif not is_same and name not in self.names:
                 doubtful.append(path)
         if not is_same:
-            _remove(camera)
+            remove_file(camera)
         return tuple(doubtful)
 
     def write(self, build_map: Callable[[], UndistortMap] | None = None) -> None:
@@ -115,22 +114,6 @@ def warn_of_doubtful(paths: Sequence[Path], reporter: Reporter) -> None:
         names = " and ".join(path.name for path in paths)
         them, ones = ("it", "a new one") if len(paths) == 1 else ("them", "new ones")
         reporter.warn(f"{paths[0].parent}: {names} may be of another camera. Remove {them}, or write {ones}.")
-
-
-def _holds(path: Path, content: bytes) -> bool:
-    """Tell whether a file has this content."""
-    try:
-        return path.read_bytes() == content
-    except OSError:
-        return False
-
-
-def _remove(path: Path) -> None:
-    """Remove a file, if it is there."""
-    try:
-        path.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be removed ({(error.strerror or str(error)).lower()}). Remove it.") from None
 
 
 def camera_of_results(known: Intrinsics, cameras: Cameras) -> Intrinsics:
