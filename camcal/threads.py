@@ -5,35 +5,29 @@ Whoever works on several images at once runs several such jobs; more threads ins
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 
 import cv2
 from threadpoolctl import threadpool_limits
 
-_lock = threading.Lock()
-# The limit belongs to the whole process: blocks may overlap on several threads, and only the last one out lifts it.
-_held: list[tuple[int, Any]] = []
-_depth = 0
+from camcal.process_wide import ProcessWide
 
 
-@contextmanager
-def single_threaded() -> Iterator[None]:
+def _hold_to_one() -> Callable[[], None]:
+    before, limits = cv2.getNumThreads(), threadpool_limits(limits=1, user_api="blas")
+    cv2.setNumThreads(1)
+
+    def restore() -> None:
+        cv2.setNumThreads(before)
+        limits.restore_original_limits()
+
+    return restore
+
+
+_SINGLE = ProcessWide(_hold_to_one)
+
+
+def single_threaded() -> AbstractContextManager[None]:
     """Hold OpenCV and BLAS to one thread while any such block runs, then restore what was set before."""
-    global _depth  # noqa: PLW0603
-    with _lock:
-        _depth += 1
-        if _depth == 1:
-            _held.append((cv2.getNumThreads(), threadpool_limits(limits=1, user_api="blas")))
-            cv2.setNumThreads(1)
-    try:
-        yield
-    finally:
-        with _lock:
-            _depth -= 1
-            if _depth == 0:
-                before, limits = _held.pop()
-                cv2.setNumThreads(before)
-                limits.restore_original_limits()
+    return _SINGLE.held()

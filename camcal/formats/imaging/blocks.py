@@ -39,3 +39,12 @@ class Metadata:
         """Name what there is that has a place in many formats, but for the resolution."""
         blocks = {"EXIF": self.exif, "XMP": self.xmp, "colour profile": self.icc, "comments": self.comments}
         return [name for name, block in blocks.items() if block]
+
+
+def nothing_to_say(_content: bytes) -> None:
+    """Find nothing: for formats of which nothing can be told without decoding, or which hold nothing that would be lost."""
+
+
+def as_they_are(_content: bytes) -> list[str]:
+    """Change nothing: for formats whose pixels are decoded to what they are."""
+    return []

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import struct
 
-from camcal.formats.imaging.blocks import Metadata
+from camcal.formats.imaging.blocks import Metadata, nothing_to_say
 
 _HEADER, _SIZE, _BITS, _DOTS, _COLOURS = 14, 18, 28, 38, 46
 # The oldest header knows neither resolution nor profiles, and its palettes have three bytes per colour.
@@ -29,9 +29,7 @@ def defect(content: bytes) -> str | None:
     return None if whole else f"truncated image (it ends after {len(content)} bytes)"
 
 
-def obstacle(_content: bytes) -> str | None:
-    """There is but one picture, of red, green and blue."""
-    return None
+obstacle = nothing_to_say
 
 
 def expansions(content: bytes) -> list[str]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from camcal.formats.imaging.blocks import CENTIMETRE_M, INCH_M, Metadata
+from camcal.formats.imaging.blocks import CENTIMETRE_M, INCH_M, Metadata, as_they_are
 from camcal.formats.imaging.jpeg_header import colour_of, jpeg_header
 from camcal.formats.imaging.jpeg_segments import (
     ADOBE,
@@ -48,9 +48,7 @@ def obstacle(content: bytes) -> str | None:
     return None if header and header.colour in {"grey", "ycc", "rgb"} else "CMYK, or colours of an unknown kind"
 
 
-def expansions(_content: bytes) -> list[str]:
-    """Pixels are decoded to what they are."""
-    return []
+expansions = as_they_are
 
 
 def with_metadata_of(source: bytes, encoded: bytes, note: str) -> tuple[bytes, list[str]]:

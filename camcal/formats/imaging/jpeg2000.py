@@ -10,7 +10,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from camcal.formats.imaging.blocks import Metadata
+from camcal.formats.imaging.blocks import Metadata, as_they_are, nothing_to_say
 from camcal.formats.imaging.xmp import xmp_of
 
 _CODE_STREAM = b"\xff\x4f\xff\x51"
@@ -47,19 +47,9 @@ def size(content: bytes) -> tuple[int, int] | None:
     return width, height
 
 
-def defect(_content: bytes) -> str | None:
-    """Nothing can be told without decoding."""
-    return None
-
-
-def obstacle(_content: bytes) -> str | None:
-    """There is but one picture."""
-    return None
-
-
-def expansions(_content: bytes) -> list[str]:
-    """Pixels are decoded to what they are."""
-    return []
+defect = nothing_to_say
+obstacle = nothing_to_say
+expansions = as_they_are
 
 
 def with_metadata_of(source: bytes, encoded: bytes, note: str) -> tuple[bytes, list[str]]:

@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from functools import partial
 
 import cv2
 
-_lock = threading.Lock()
-# The level belongs to the whole process: blocks may overlap on several threads, and only the last one out restores it.
-_levels: list[int] = []
-_depth = 0
+from camcal.process_wide import ProcessWide
 
 
-@contextmanager
-def quiet() -> Iterator[None]:
+def _silence() -> Callable[[], object]:
+    before = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    return partial(cv2.utils.logging.setLogLevel, before)
+
+
+_SILENT = ProcessWide(_silence)
+
+
+def quiet() -> AbstractContextManager[None]:
     """Keep OpenCV from logging what is raised as an error anyway."""
-    global _depth  # noqa: PLW0603
-    with _lock:
-        _depth += 1
-        if _depth == 1:
-            _levels.append(cv2.utils.logging.getLogLevel())
-            cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    try:
-        yield
-    finally:
-        with _lock:
-            _depth -= 1
-            if _depth == 0:
-                cv2.utils.logging.setLogLevel(_levels.pop())
+    return _SILENT.held()

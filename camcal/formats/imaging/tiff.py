@@ -9,7 +9,7 @@ import struct
 from dataclasses import dataclass
 from typing import Literal
 
-from camcal.formats.imaging.blocks import CENTIMETRE_M, INCH_M, Metadata
+from camcal.formats.imaging.blocks import CENTIMETRE_M, INCH_M, Metadata, nothing_to_say
 from camcal.formats.imaging.tiff_tags import (
     EXIF_POINTER,
     HISTORY,
@@ -102,9 +102,7 @@ def size(content: bytes) -> tuple[int, int] | None:
     return layout.size if layout else None
 
 
-def defect(_content: bytes) -> str | None:
-    """Nothing can be told without decoding."""
-    return None
+defect = nothing_to_say
 
 
 def obstacle(content: bytes) -> str | None:

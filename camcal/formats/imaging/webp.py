@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from camcal.formats.imaging.blocks import Metadata
+from camcal.formats.imaging.blocks import Metadata, as_they_are, nothing_to_say
 from camcal.formats.imaging.tiff_tags import exif_of
 from camcal.formats.imaging.xmp import xmp_of
 
@@ -56,14 +56,8 @@ def obstacle(content: bytes) -> str | None:
     return None
 
 
-def defect(_content: bytes) -> str | None:
-    """Nothing can be told without decoding."""
-    return None
-
-
-def expansions(_content: bytes) -> list[str]:
-    """Pixels are decoded to what they are."""
-    return []
+defect = nothing_to_say
+expansions = as_they_are
 
 
 def with_metadata_of(source: bytes, encoded: bytes, note: str) -> tuple[bytes, list[str]]:
