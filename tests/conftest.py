@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from capture_scenes import ordinary_poses
 from report_pages import NAME, ODD_IMAGE
-from undistort_files import CAMERA
+from undistort_files import CAMERA, make_images
 
 from camcal.cli import main
 from camcal.formats.camera_file import save_intrinsics
@@ -126,3 +126,16 @@ def camera_file(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("camera") / "small.yaml"
     save_intrinsics(path, Intrinsics(CAMERA, name="small"))
     return path
+
+
+@pytest.fixture
+def undistort(run, tmp_path, monkeypatch) -> Callable[..., tuple[int, str, str]]:
+    """Run the command in a folder with a camera.yaml and three photos: exit code, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+    save_intrinsics("camera.yaml", Intrinsics(CAMERA))
+    make_images(tmp_path / "photos", "a.png", "b.png", "c.png")
+
+    def call(*arguments: object, camera: str = "camera.yaml") -> tuple[int, str, str]:
+        return run("undistort", *arguments, "--camera", camera)
+
+    return call

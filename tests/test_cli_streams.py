@@ -8,13 +8,13 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from videos import make_video
+from waiting import wait_for
 
 from camcal.cli import main
 
@@ -157,10 +157,7 @@ def test_numbers_are_whole_on_a_narrow_terminal(dataset, calibrated):
 def interrupted(arguments: list[object], begun, sent: signal.Signals = signal.SIGINT, times: int = 1) -> str:
     """Send Ctrl-C, or another signal, to a command once `begun()` is true; return what it wrote to stderr."""
     process = subprocess.Popen([*CAMCAL, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    deadline = time.monotonic() + 60
-    while not begun() and time.monotonic() < deadline:
-        assert process.poll() is None, process.communicate()
-        time.sleep(0.005)
+    wait_for(begun, process)
     for _ in range(times):
         process.send_signal(sent)
     _, err = process.communicate(timeout=60)

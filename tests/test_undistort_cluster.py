@@ -13,7 +13,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +21,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from waiting import wait_for
 
 import camcal
 from camcal.errors import InputError
@@ -90,14 +91,6 @@ def undistort(workplace: Path, address: str, *flags: object) -> subprocess.Popen
     command = [sys.executable, "-m", "camcal", "undistort", workplace / "photos", "--camera", workplace / "camera.yaml"]
     every = [*command, "--scheduler", address, *flags]
     return subprocess.Popen([str(part) for part in every], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-
-
-def wait_for(condition: Callable[[], bool]) -> None:
-    """Wait until something is true, a minute at most."""
-    deadline = time.monotonic() + 60
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
 
 
 class Watch:
