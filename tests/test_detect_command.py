@@ -11,6 +11,7 @@ import click
 import cv2
 import numpy as np
 import pytest
+from messages import one_line
 
 from camcal.errors import InputError
 from camcal.formats.corners_file import load_corners
@@ -292,3 +293,19 @@ def test_photographs(photos, tmp_path):
     (rejected,) = close.rejected
     assert "cut by the frame" in rejected.reason
     assert share_near(read_image(close.overlays[0])[-40:], REJECTED_GROUND) > 0.6
+
+
+def test_a_file_where_a_folder_of_pictures_should_be(run, dataset, tmp_path):
+    """Exit code 2 and one line before anything is looked for; the file stays."""
+    for name in ("left", "right"):
+        (tmp_path / name).mkdir()
+        shutil.copy(dataset / "images/view_0000.png", tmp_path / name)
+    odd = tmp_path / "seen/left"
+    odd.parent.mkdir()
+    odd.touch()
+    code, out, err = run(
+        "detect", tmp_path / "left", tmp_path / "right", "--board", BOARD, "--overlay", tmp_path / "seen", "--force"
+    )
+    assert (code, out) == (2, "")
+    assert f"{odd}: a file stands where the output folder should be" in one_line(err)
+    assert odd.is_file()

@@ -153,6 +153,8 @@ def detect(
     file = None if output is None else claim_file(output, force=force)
     if overlay is not None:
         claim_folder(overlay, force=force)
+        for below in sorted({path.parent for path in pictures.values()}):
+            claim_folder(below, force=True)
     refined, rejected = observe(found, target, refine, jobs, reporter)
     seen: dict[str, Refined | Rejected] = {view.detection.source: view for view in refined}
     seen |= {view.source: view for view in rejected}
@@ -160,9 +162,7 @@ def detect(
 
         def draw(image: ImageFile) -> None:
             # Read once more, so that memory does not grow with the number of images.
-            path = pictures[image.name]
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_image(path, _picture(image, seen[image.name], target))
+            write_image(pictures[image.name], _picture(image, seen[image.name], target))
 
         with reporter.progress("Drawing", len(found)) as advance:
             each(draw, found, jobs, advance)
