@@ -206,7 +206,7 @@ def test_existing_output_needs_force(run, dataset, tmp_path):
     assert (output / "mine.txt").read_text() == "keep"
 
 
-@pytest.mark.parametrize("name", ["board.yaml", "camera.yaml", "corners.csv", "report.html", "views.yaml"])
+@pytest.mark.parametrize("name", ["board.yaml", "camera.yaml", "corners.csv", "views.yaml"])
 def test_a_folder_where_a_result_should_be(run, calibrated, tmp_path, name):
     """Exit code 2 and one line that names it, with --force too; it stays, and there is no camera that would claim success."""
     odd = tmp_path / "o" / name

@@ -73,8 +73,10 @@ def write_calibration(run: CalibrationRun, origin: Origin, folder: Path) -> None
         If a file cannot be written.
     """
     calibration = run.calibration
-    for earlier in (CAMERA_FILE_NAME, REPORT_FILE_NAME):
-        remove_file(folder / earlier)
+    remove_file(folder / CAMERA_FILE_NAME)
+    # A folder of that name is no earlier page: who writes the page tells of it, and the calibration is not lost for it.
+    if (folder / REPORT_FILE_NAME).is_file():
+        remove_file(folder / REPORT_FILE_NAME)
     save_board(folder / "board.yaml", run.board)
     save_corners(folder / "corners.csv", *candidates(calibration))
     save_views(folder / VIEWS_FILE_NAME, view_records(run, origin.paths, folder), origin.options)
